@@ -1,0 +1,1 @@
+"""Measurements, run by `make bench`: ratios against a named baseline of the same run."""

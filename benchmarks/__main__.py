@@ -1,0 +1,78 @@
+"""`python -m benchmarks`: everything that is measured, as ratios against a baseline of the same run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
+from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
+
+COUNTS = (400, 880, 2000, 5000)
+_ATOM_PACKETS = 2000
+
+
+@click.command()
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the figures here.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for the plot.")
+@click.option("--memory-iterations", type=click.IntRange(min=1), default=1000, show_default=True)
+def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> None:
+    """Times are the best of several runs; compare ratios, not seconds, between machines."""
+    rows = profile_rows(COUNTS)
+    click.echo("360 x 180 far-field profile, and 32 more packets in a sliding window [ms]")
+    click.echo(f"{'packets':>8} {'naive':>9} {'gemm':>8} {'ours':>8} {'naive/ours':>11} {'+32':>7} {'+32/ours':>9}")
+    for row in rows:
+        click.echo(
+            f"{row.packets:>8} {1e3 * row.naive_s:>9.0f} {1e3 * row.gemm_s:>8.1f} {1e3 * row.ours_s:>8.2f} "
+            f"{row.naive_s / row.ours_s:>11.0f} {1e3 * row.batch_s:>7.2f} {row.batch_s / row.ours_s:>9.3f}"
+        )
+    atom_s = atom_profile_s(_ATOM_PACKETS)
+    naive_s = next(row.naive_s for row in rows if row.packets == _ATOM_PACKETS)
+    click.echo(
+        f"compiled for an Atom (goldmont), {_ATOM_PACKETS} packets: {1e3 * atom_s:.1f} ms, {naive_s / atom_s:.0f} x"
+    )
+    times = estimate_times()
+    _print_estimates(times)
+    memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
+    click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
+    if json_path is not None:
+        figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
+        json_path.write_text(json.dumps({**figures, "memory_mb": memory}, indent=2) + "\n")
+    if out is not None:
+        _plot(rows, times, out)
+
+
+def _print_estimates(times: EstimateTimes) -> None:
+    click.echo(
+        f"robust estimate, 880 packets x 30 subcarriers: {1e3 * times.robust_3d_s:.0f} ms in 3D, "
+        f"{times.robust_3d_s / times.far_field_profile_s:.1f} x the far-field profile; planar "
+        f"{1e3 * times.robust_planar_s:.1f} ms, {times.robust_planar_s / times.robust_3d_s:.2f} of it"
+    )
+    links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
+    click.echo(f"transmitters in one iteration: {links}")
+
+
+def _plot(rows: list[ProfileRow], times: EstimateTimes, out: Path) -> None:
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    packets = [row.packets for row in rows]
+    for name, style in (("naive_s", "k--o"), ("gemm_s", "k:s"), ("ours_s", "k-o"), ("batch_s", "k-.^")):
+        left.loglog(packets, [1e3 * getattr(row, name) for row in rows], style, label=name.removesuffix("_s"))
+    left.set(xlabel="packets", ylabel="time [ms]", title="far-field profile")
+    left.legend()
+    counts = np.array(list(times.links_s))
+    right.plot(counts, 1e3 * np.array(list(times.links_s.values())), "k-o")
+    right.set(xlabel="transmitters", ylabel="time [ms]", title="robust estimates of one iteration", ylim=(0, None))
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "performance.png", dpi=120)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Far-field profiles three ways: by the defining sum, with float32 GEMM, and ours; and the sliding window."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.scenes import WAVELENGTH_M, helix
+from benchmarks.timing import best_s
+from wsr.geometry import direction
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile, bartlett_profile_oracle
+from wsr.sliding import SlidingProfile
+
+BATCH = 32
+_ATOM = "goldmont"  # the class of processor on an UP Squared: SSE4.2, no AVX
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileRow:
+    """Seconds for one 360 x 180 profile of `packets` packets."""
+
+    packets: int
+    naive_s: float
+    gemm_s: float
+    ours_s: float
+    batch_s: float
+    """Adding a batch of 32 packets to a sliding window and reading its profile."""
+
+
+def profile_rows(counts: tuple[int, ...]) -> list[ProfileRow]:
+    rows = []
+    for packets in counts:
+        aperture = helix(packets)
+        chi, g = aperture.chi_m, aperture.channel
+        window = SlidingProfile(WAVELENGTH_M)
+        window.add(chi, g)
+        rows.append(
+            ProfileRow(
+                packets,
+                best_s(lambda chi=chi, g=g: bartlett_profile_oracle(chi, g, WAVELENGTH_M), repeats=1),  # type: ignore[misc]
+                best_s(lambda chi=chi, g=g: _gemm_profile(chi, g), repeats=2),  # type: ignore[misc]
+                best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M)),  # type: ignore[misc]
+                best_s(_slide(window, chi, g)),
+            )
+        )
+    return rows
+
+
+def atom_profile_s(packets: int) -> float:
+    """Ours, compiled for an Atom in a process of its own [s]."""
+    code = (
+        "from benchmarks.scenes import WAVELENGTH_M, helix\n"
+        "from benchmarks.timing import best_s\n"
+        "from wsr.profile import bartlett_profile\n"
+        f"a = helix({packets})\n"
+        "print(best_s(lambda: bartlett_profile(a.chi_m, a.channel, WAVELENGTH_M)))"
+    )
+    environment = os.environ | {"NUMBA_CPU_NAME": _ATOM, "NUMBA_CPU_FEATURES": ""}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
+def _slide(window: SlidingProfile, chi: npt.NDArray[np.float64], g: npt.NDArray[np.complex128]) -> Callable[[], object]:
+    def work() -> object:
+        window.add(chi[:BATCH], g[:BATCH])
+        return window.profile()
+
+    return work
+
+
+def _gemm_profile(chi_m: npt.NDArray[np.float64], channel: npt.NDArray[np.complex128]) -> npt.NDArray[np.float32]:
+    """What a careful NumPy user writes: float32 sines and cosines, and real matrix products."""
+    k_chi = (chi_m * (4 * np.pi / WAVELENGTH_M)).astype(np.float32)
+    parts = np.stack([channel.real, channel.imag], axis=1).astype(np.float32)
+    power = np.empty((POLAR_RAD.size, AZIMUTH_RAD.size), np.float32)
+    for row, polar in enumerate(POLAR_RAD):
+        phase = direction(AZIMUTH_RAD, polar).astype(np.float32) @ k_chi.T
+        cosine, sine = np.cos(phase) @ parts, np.sin(phase) @ parts
+        power[row] = (cosine[:, 0] + sine[:, 1]) ** 2 + (cosine[:, 1] - sine[:, 0]) ** 2
+    return power / np.float32(np.abs(channel).sum() ** 2)

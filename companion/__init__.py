@@ -1,0 +1,1 @@
+"""The drone: decisions, edges, and one app that wires them."""

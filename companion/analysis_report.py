@@ -1,0 +1,184 @@
+"""What an analysis found, for people (tables) and for programs (plain JSON values)."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.table import Table
+
+from companion.analysis import LinkResult, RunResult
+
+Json = dict[str, object]
+
+_FAR_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SetSummary:
+    """Azimuth errors over the links of a set (the folder above the runs); None where there are none."""
+
+    name: str
+    links: int
+    """Those with an azimuth."""
+    of_links: int
+    """Those whose truth is known or that failed."""
+    median_deg: float | None
+    mean_deg: float | None
+    share_below_10_deg: float | None
+
+
+def run_table(result: RunResult) -> Table:
+    """One row per transmitter; elevation is the polar angle from Up."""
+    table = Table(title=f"{result.run.title}  ({result.kind})", title_justify="left", title_style="bold")
+    for name, justify in _COLUMNS:
+        table.add_column(name, justify=justify, no_wrap=name != "dropped")  # type: ignore[arg-type]
+    for link in result.links:
+        table.add_row(*_cells(link))
+    return table
+
+
+def problem_lines(result: RunResult) -> list[str]:
+    """One line for each thing that is wrong with a run or its links."""
+    lines = list(result.problems)
+    for link in result.links:
+        said = link.notes if link.problem is None else (*link.notes, link.problem)
+        lines += [f"{link.name}: {text}" for text in said]
+    return list(dict.fromkeys(lines))
+
+
+def summarise(results: Sequence[RunResult]) -> list[SetSummary]:
+    """Azimuth errors by set, where the truth is known."""
+    groups: dict[str, list[LinkResult]] = defaultdict(list)
+    for result in results:
+        groups[result.run.set_name] += result.links
+    return [_summary(name, links) for name, links in sorted(groups.items()) if any(link.truth for link in links)]
+
+
+def summary_table(summaries: Sequence[SetSummary]) -> Table:
+    """Median, mean and share below 10 degrees of |azimuth error| by set."""
+    table = Table(title="|azimuth error| by set", title_justify="left", title_style="bold")
+    for column in ("set", "links", "median", "mean", "below 10°"):
+        table.add_column(column, justify="left" if column == "set" else "right")
+    for row in summaries:
+        count = str(row.links) if row.links == row.of_links else f"{row.links} of {row.of_links}"
+        share = "-" if row.share_below_10_deg is None else f"{row.share_below_10_deg:.0%}"
+        angles = ("-" if angle is None else f"{angle:.1f}°" for angle in (row.median_deg, row.mean_deg))
+        table.add_row(row.name, count, *angles, share)
+    return table
+
+
+def as_json(results: Sequence[RunResult]) -> Json:
+    """The whole result; angles in degrees, None where there is no value or it is infinite."""
+    return {
+        "runs": [_run_json(result) for result in results],
+        "sets": [
+            {
+                "set": row.name,
+                "links": row.links,
+                "of_links": row.of_links,
+                "median_deg": row.median_deg,
+                "mean_deg": row.mean_deg,
+                "share_below_10_deg": row.share_below_10_deg,
+            }
+            for row in summarise(results)
+        ],
+    }
+
+
+_COLUMNS = (
+    ("tx", "left"),
+    ("azimuth", "right"),
+    ("elev. from Up", "right"),
+    ("true az.", "right"),
+    ("true el.", "right"),
+    ("az. error", "right"),
+    ("3D error", "right"),
+    ("packets", "right"),
+    ("dropped", "left"),
+    ("reliability", "right"),
+)
+
+
+def _summary(name: str, links: Sequence[LinkResult]) -> SetSummary:
+    known = [link for link in links if link.truth is not None or link.estimate is None]
+    errors = np.degrees([abs(link.azimuth_error_rad) for link in links if link.azimuth_error_rad is not None])
+    if not len(errors):
+        return SetSummary(name, 0, len(known), None, None, None)
+    share = float(np.mean(errors < _FAR_DEG))
+    return SetSummary(name, len(errors), len(known), float(np.median(errors)), float(np.mean(errors)), share)
+
+
+def _cells(link: LinkResult) -> Iterator[str]:
+    estimate, truth = link.estimate, link.truth
+    yield link.name
+    yield _degrees(estimate.azimuth_rad if estimate and estimate.azimuth_observable else None)
+    yield _degrees(estimate.polar_rad if estimate and estimate.polar_observable else None)
+    yield _degrees(truth.azimuth_rad if truth else None)
+    yield _degrees(truth.polar_rad if truth else None)
+    yield _degrees(link.azimuth_error_rad, signed=True)
+    yield _degrees(link.great_circle_error_rad)
+    yield f"{link.used}/{link.packets}"
+    yield ", ".join(f"{count} {reason}" for reason, count in link.dropped.items()) or "none"
+    yield f"{estimate.reliability:.2f}" if estimate else "-"
+
+
+def _run_json(result: RunResult) -> Json:
+    return {
+        "run": result.run.stamp,
+        "set": result.run.set_name,
+        "folder": str(result.run.folder),
+        "poses": result.kind,
+        "problems": list(result.problems),
+        "links": [_link_json(link) for link in result.links],
+    }
+
+
+def _link_json(link: LinkResult) -> Json:
+    values: Json = {
+        "tx": link.name,
+        "mac": link.mac,
+        "problem": link.problem,
+        "notes": list(link.notes),
+        "packets": link.packets,
+        "used": link.used,
+        "dropped": dict(link.dropped),
+        "true_azimuth_deg": _deg(link.truth.azimuth_rad if link.truth else None),
+        "true_elevation_deg": _deg(link.truth.polar_rad if link.truth else None),
+        "azimuth_error_deg": _deg(link.azimuth_error_rad),
+        "great_circle_error_deg": _deg(link.great_circle_error_rad),
+    }
+    found = link.estimate
+    if found is None:
+        return {**values, "azimuth_deg": None, "elevation_deg": None}
+    return {
+        **values,
+        "azimuth_deg": math.degrees(found.azimuth_rad) if found.azimuth_observable else None,
+        "elevation_deg": math.degrees(found.polar_rad) if found.polar_observable else None,
+        "azimuth_std_deg": _number(math.degrees(found.azimuth_std_rad)),
+        "elevation_std_deg": _number(math.degrees(found.polar_std_rad)),
+        "crb_deg": _number(math.degrees(found.crb_rad)),
+        "coherence": found.coherence,
+        "reliability": found.reliability,
+        "length_m": found.length_m,
+        "extents_m": list(found.extents_m),
+        "reference_m": list(found.reference_p_m),
+        "reference_time_s": found.reference_t_s,
+    }
+
+
+def _degrees(angle_rad: float | None, signed: bool = False) -> str:
+    if angle_rad is None:
+        return "-"
+    return f"{math.degrees(angle_rad):{'+' if signed else ''}.1f}°"
+
+
+def _deg(angle_rad: float | None) -> float | None:
+    return None if angle_rad is None else math.degrees(angle_rad)
+
+
+def _number(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

@@ -1,0 +1,122 @@
+"""The service's end of the AOA worker: hands it apertures, notices when it hangs or dies, starts another."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import sys
+from collections.abc import Callable
+
+import msgspec
+
+from companion.aoa_wire import LENGTH, MAX_BYTES, AoaResult, frame, request_of
+from companion.aoa_worker import READY_ID
+from companion.child import die_with_parent
+from companion.errors import CompanionError
+from wsr.aperture import Aperture
+
+_log = logging.getLogger(__name__)
+_START_S = 60.0  # the first start compiles the kernel, slowly on an Atom; later ones read the cache
+_RESTART_S = 0.5
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+
+
+class AoaProcess:
+    """Computes one aperture at a time in a niced process. `on_result` gets every result, refusals included.
+
+    A request that takes longer than `timeout_s`, or during which the worker dies, is answered with a refusal, and the
+    worker is replaced. At most `waiting` requests queue; the oldest goes first when there are more.
+    """
+
+    def __init__(
+        self, estimator: str, timeout_s: float, on_result: Callable[[AoaResult], None], waiting: int = 16
+    ) -> None:
+        self._estimator = estimator
+        self._timeout_s = timeout_s
+        self._on_result = on_result
+        self._requests: asyncio.Queue[tuple[int, int, Aperture]] = asyncio.Queue(waiting)
+        self._next_id = 0
+        self.restarts = 0
+        self.dropped = 0
+        self.ready = asyncio.Event()
+        """Set while a worker waits for requests."""
+
+    def submit(self, peer: int, aperture: Aperture) -> int:
+        """Queues an aperture and returns the id its result will carry."""
+        if self._requests.full():
+            dropped_id, dropped_peer, _ = self._requests.get_nowait()
+            self.dropped += 1
+            self._on_result(AoaResult(dropped_id, dropped_peer, 0.0, refusal="the AOA worker is behind"))
+        request_id, self._next_id = self._next_id, self._next_id + 1
+        self._requests.put_nowait((request_id, peer, aperture))
+        return request_id
+
+    async def run(self) -> None:
+        """Serves requests until cancelled; never leaves a process behind."""
+        while True:
+            process = await _spawn(self._estimator)
+            try:
+                await self._serve(process)
+            except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
+                self.restarts += 1
+                _log.warning("AOA worker %d %s; starting another", process.pid, _what_happened(error))
+            finally:
+                self.ready.clear()
+                await _end(process)
+            await asyncio.sleep(_RESTART_S)
+
+    async def _serve(self, process: asyncio.subprocess.Process) -> None:
+        async with asyncio.timeout(_START_S):
+            started = await _receive(process)
+        if started.id != READY_ID:
+            raise CompanionError("the AOA worker answered before it was asked")
+        self.ready.set()
+        while True:
+            request_id, peer, aperture = await self._requests.get()
+            try:
+                async with asyncio.timeout(self._timeout_s):
+                    await _send(process, frame(request_of(request_id, peer, aperture)))
+                    result = await _receive(process)
+            except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
+                self._on_result(AoaResult(request_id, peer, 0.0, refusal=f"the AOA worker {_what_happened(error)}"))
+                raise
+            self._on_result(result)
+
+
+async def _spawn(estimator: str) -> asyncio.subprocess.Process:
+    return await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "companion.aoa_worker",
+        estimator,
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        env=os.environ | _ONE_THREAD,
+        preexec_fn=die_with_parent,
+    )
+
+
+async def _send(process: asyncio.subprocess.Process, data: bytes) -> None:
+    assert process.stdin is not None
+    process.stdin.write(data)
+    await process.stdin.drain()
+
+
+async def _receive(process: asyncio.subprocess.Process) -> AoaResult:
+    assert process.stdout is not None
+    (length,) = LENGTH.unpack(await process.stdout.readexactly(LENGTH.size))
+    if length > MAX_BYTES:
+        raise ConnectionError(f"announced {length} bytes")
+    return msgspec.msgpack.decode(await process.stdout.readexactly(length), type=AoaResult)
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.kill()
+    await process.wait()
+
+
+def _what_happened(error: Exception) -> str:
+    return "did not answer in time" if isinstance(error, TimeoutError) else "died"

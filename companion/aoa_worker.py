@@ -1,0 +1,61 @@
+"""The AOA worker: a process of its own, below everything else in priority, that turns apertures into estimates.
+
+Started by `companion.aoa_process`; reads requests on standard input and writes results on standard output until its
+input ends, which also ends it when the service dies.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import BinaryIO
+
+import msgspec
+import numpy as np
+
+from companion.aoa_wire import LENGTH, AoaRequest, AoaResult, aperture_of, frame
+from wsr.aoa import Estimator
+from wsr.errors import ApertureError
+from wsr.estimators import ESTIMATORS, warm_up
+
+READY_ID = -1
+"""Id of the empty result that says that the kernel is compiled and requests are welcome."""
+
+
+def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
+    """One estimate; a refusal of the estimator is a result too."""
+    start = time.perf_counter()
+    try:
+        estimate, profile = estimator.estimate(aperture_of(request))
+    except ApertureError as error:
+        return AoaResult(request.id, request.peer, time.perf_counter() - start, refusal=str(error))
+    power = np.asarray(profile.power, np.float16).tobytes()
+    return AoaResult(request.id, request.peer, time.perf_counter() - start, estimate, power)
+
+
+def main() -> None:
+    os.nice(10)
+    source, sink = sys.stdin.buffer, sys.stdout.buffer
+    estimator = ESTIMATORS[sys.argv[1]]()
+    warm_up()
+    _write(sink, AoaResult(READY_ID, 0, 0.0))
+    while (request := _read(source)) is not None:
+        _write(sink, compute(estimator, request))
+
+
+def _read(source: BinaryIO) -> AoaRequest | None:
+    head = source.read(LENGTH.size)
+    if len(head) < LENGTH.size:
+        return None
+    (length,) = LENGTH.unpack(head)
+    return msgspec.msgpack.decode(source.read(length), type=AoaRequest)
+
+
+def _write(sink: BinaryIO, result: AoaResult) -> None:
+    sink.write(frame(result))
+    sink.flush()
+
+
+if __name__ == "__main__":
+    main()

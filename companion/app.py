@@ -1,0 +1,156 @@
+"""Wires the parts into a service, one TaskGroup: a task that dies stops it, loudly."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.metadata
+import logging
+import signal
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from companion.aoa_process import AoaProcess
+from companion.aoa_wire import AoaResult
+from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.beacon import Beacon
+from companion.clock import Clock, MonotonicClock
+from companion.config import Config
+from companion.control import ControlServer
+from companion.errors import CompanionError
+from companion.flight import Flight
+from companion.messages import Pose
+from companion.mission import Event
+from companion.node import Node
+from companion.notify import notify
+from companion.radio import ChannelSample
+from companion.recorder import Recorder
+from companion.sar import Iteration, SarIterations
+from companion.window import SarWindow
+from wsr.channel import wavelength_m
+
+_log = logging.getLogger(__name__)
+_CONNECT_S = 60.0
+_WATCHDOG_S = 1.0
+
+
+class _Stopped(Exception):
+    """Somebody asked the service to end."""
+
+
+async def serve(config: Config) -> None:
+    """Runs until SIGTERM or SIGINT. Raises CompanionError when a part cannot start or dies."""
+    recorder = Recorder(
+        config.path(config.recorder.path),
+        config,
+        importlib.metadata.version("wsr-companion"),
+        config.recorder.queue_messages,
+    )
+    service = _serve_uav if config.role == "uav" else _serve_beacon
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(_until_signal(), name="signals")
+            tasks.create_task(service(config, MonotonicClock(), recorder), name=config.role)
+    except* _Stopped:
+        _log.info("stopped on request")
+    except* CompanionError as group:
+        raise _first(group) from None
+    finally:
+        notify("STOPPING=1")
+        await asyncio.to_thread(recorder.close)
+
+
+async def _serve_beacon(config: Config, clock: Clock, recorder: Recorder) -> None:
+    def on_sample(sample: ChannelSample) -> None:
+        beacon.add_sample(sample)
+
+    node = Node(config, clock, recorder, on_sample, _ignore)
+    beacon = Beacon(node.sender)
+
+    async def answer(command: str) -> dict[str, Any]:
+        if command != "status":
+            return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
+        return {"ok": True, "state": "beacon", "health": _plain(node)}
+
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(node.run(), name="node")
+        tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
+        tasks.create_task(_feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+        notify("READY=1")
+
+
+async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
+    assert config.autopilot is not None
+    aperture = config.aperture
+    window = SarWindow(
+        config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
+    )
+
+    def on_sample(sample: ChannelSample) -> None:
+        window.add_sample(sample)
+        flight.heard(sample.peer, sample.t_mono_ns)
+
+    def on_result(result: AoaResult) -> None:
+        sar.take(result)
+
+    def on_iteration(iteration: Iteration, profile: bytes) -> None:
+        flight.take(iteration, profile)
+
+    node = Node(config, clock, recorder, on_sample, window.add_pose)
+    process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
+    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration)
+    autopilot = MavsdkAutopilot(config.autopilot.url, clock)
+    flight = Flight(config, clock, node, autopilot, sar, recorder)
+
+    async def answer(command: str) -> dict[str, Any]:
+        if command == "status":
+            return {"ok": True, **flight.status(), "health": _plain(node)}
+        if command in ("engage", "abort"):
+            refusal = flight.wish(Event(command))
+            return {"ok": not refusal, "error": refusal}
+        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status"}
+
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(node.run(), name="node")
+            tasks.create_task(process.run(), name="aoa")
+            tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
+            await autopilot.connect(_CONNECT_S)
+            tasks.create_task(flight.run(), name="flight")
+            tasks.create_task(_feed_watchdog(flight.is_ticking), name="watchdog")
+            notify("READY=1")
+    finally:
+        await autopilot.aclose()
+
+
+async def _until_signal() -> None:
+    asked = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, asked.set)
+    await asked.wait()
+    raise _Stopped
+
+
+async def _feed_watchdog(is_alive: Callable[[], bool]) -> None:
+    """Feeds systemd's watchdog while the role's own loop runs, not merely while this one does."""
+    while True:
+        await asyncio.sleep(_WATCHDOG_S)
+        if is_alive():
+            notify("WATCHDOG=1")
+
+
+def _plain(node: Node) -> dict[str, Any]:
+    return asdict(node.health())
+
+
+def _ignore(pose: Pose) -> None:
+    """A beacon's own poses go out with its datagrams, which the node sees to."""
+
+
+def _first(group: BaseExceptionGroup[Any]) -> CompanionError:
+    error: BaseException = group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    assert isinstance(error, CompanionError)
+    return error

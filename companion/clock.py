@@ -1,0 +1,68 @@
+"""Monotonic time, injected wherever time matters so that tests can hold it still."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from typing import Protocol
+
+NS_PER_S = 1_000_000_000
+
+
+class Clock(Protocol):
+    """Time as control sees it: monotonic nanoseconds, never wall time."""
+
+    def now_ns(self) -> int: ...
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None: ...
+
+
+class MonotonicClock:
+    """The host's CLOCK_MONOTONIC: one time base for all processes of the host."""
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        await asyncio.sleep(max(0, deadline_ns - time.monotonic_ns()) / NS_PER_S)
+
+
+class ManualClock:
+    """A clock for tests: time passes only when somebody sleeps."""
+
+    def __init__(self, now_ns: int = 0) -> None:
+        self._now_ns = now_ns
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def advance(self, seconds: float) -> None:
+        self._now_ns += round(seconds * NS_PER_S)
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        self._now_ns = max(self._now_ns, deadline_ns)
+        await asyncio.sleep(0)
+
+
+class Ticker:
+    """Ticks at absolute deadlines. A late tick is counted as an overrun and the missed deadlines are skipped: a
+    control loop that fell behind must act on fresh data, not catch up on old deadlines."""
+
+    def __init__(self, clock: Clock, rate_hz: float) -> None:
+        self._clock = clock
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self.overruns = 0
+
+    async def ticks(self) -> AsyncIterator[int]:
+        """Yields the time of each tick [ns]."""
+        deadline_ns = self._clock.now_ns()
+        while True:
+            deadline_ns += self._period_ns
+            await self._clock.sleep_until_ns(deadline_ns)
+            now_ns = self._clock.now_ns()
+            missed = (now_ns - deadline_ns) // self._period_ns
+            if missed > 0:
+                self.overruns += missed
+                deadline_ns += missed * self._period_ns
+            yield now_ns

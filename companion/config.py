@@ -1,0 +1,199 @@
+"""The configuration of one vehicle or robot: frozen, checked as a whole, every error reported at once.
+
+Angles are in degrees here and nowhere deeper. Relative paths are taken from `runtime_dir`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
+Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
+_PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
+_URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
+RobotId = Annotated[int, Meta(ge=1, le=65535)]
+Metres3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class CsiConfig:
+    """The radio card. `netlink` reads the patched driver; `unix` reads the same bytes from a datagram socket."""
+
+    channel: Annotated[int, Meta(ge=36, le=177)]
+    """WiFi channel in the 5 GHz band; sets the wavelength."""
+    source: Literal["netlink", "unix"] = "netlink"
+    connector_idx: Annotated[int, Meta(ge=1, le=32)] = 26
+    """Netlink connector index of the driver: 26 on Linux 4.15, 25 on older kernels."""
+    require_kernel_sender: bool = True
+    """Refuse records that another process sent to the connector group. Only a simulation turns this off."""
+    socket: str = "csi.sock"
+    receive_buffer_bytes: Annotated[int, Meta(ge=65536)] = 4 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class PoseConfig:
+    """The pose source: a reader process that sends pose datagrams to `socket`."""
+
+    socket: str = "pose.sock"
+    north_yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
+    """Turn, counter-clockwise, from the tracker's start heading axis (its East) to true East."""
+    antenna_m: Metres3 = (0.0, 0.0, 0.0)
+    """The receiving antenna in body axes (forward, left, up), from the tracker."""
+    stale_s: Positive = 0.2
+    """An aperture with a longer gap is dropped, and nothing engages."""
+    lost_s: Positive = 8.0
+    """After so long without poses the vehicle lands. A T265 needs up to 7 s to come back by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """A robot we may hear. Its key signs its datagrams; its MAC marks its frames."""
+
+    id: RobotId
+    name: Annotated[str, Meta(min_length=1, max_length=32)]
+    mac: Mac
+    key_file: str
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourConfig:
+    """UDP broadcasts between robots, over another interface than the one in monitor mode."""
+
+    key_file: str
+    """Our own key, 32 bytes or more, readable by the owner only."""
+    port: Annotated[int, Meta(ge=1, le=65535)] = 17650
+    broadcast: str = "127.255.255.255"
+    rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
+    pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class ApertureConfig:
+    """One SAR iteration."""
+
+    estimator: Literal["robust", "music", "bartlett"] = "robust"
+    length_m: Positive = 1.2
+    min_packets: Annotated[int, Meta(ge=16)] = 80
+    max_pose_gap_s: Positive = 0.05
+    settle_s: NotNegative = 0.3
+    """How long after the end of a leg late reverse channels are waited for."""
+    silent_s: Positive = 2.0
+    """Without packets or without datagrams of the target for so long, the vehicle holds."""
+    blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
+    """After so many legs without a bearing that may steer, the vehicle holds; after holding so often, it lands."""
+    min_reliability: Fraction = 0.1
+    """A bearing below this is recorded but steers nothing."""
+    worker_timeout_s: Positive = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotConfig:
+    url: str
+    """MAVSDK connection, for example udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionConfig:
+    takeoff_height_m: Annotated[float, Meta(ge=0.5, le=20)] = 1.5
+    speed_m_s: Annotated[float, Meta(gt=0, le=2)] = 0.5
+    acceleration_m_s2: Positive = 0.8
+    lateral_weave_m: NotNegative = 0.12
+    vertical_weave_m: NotNegative = 0.1
+    target: RobotId | None = None
+    """Id of the peer to fly to; the first of `peers` when absent."""
+    min_battery: Fraction = 0.2
+    """Below this share of charge the vehicle lands."""
+    limit_s: Positive = 900.0
+    """Longest approach, after which the vehicle lands."""
+    arrival_range_m: Positive = 1.5
+    """The mission has arrived when the triangulated range, plus two standard deviations, is below this."""
+
+
+@dataclass(frozen=True, slots=True)
+class GateConfig:
+    """Limits of the set point gate, in the autopilot's local frame (East, North, Up from its origin)."""
+
+    fence_min_m: Metres3 = (-50.0, -50.0, -1.0)
+    fence_max_m: Metres3 = (50.0, 50.0, 10.0)
+    fence_radius_m: Positive = 60.0
+    max_speed_m_s: Positive = 1.0
+    max_climb_m_s: Positive = 0.7
+    max_acceleration_m_s2: Positive = 3.0
+    min_height_m: float = 0.5
+    max_age_s: Positive = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderConfig:
+    path: str = "log.mcap"
+    queue_messages: Annotated[int, Meta(ge=100)] = 20000
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything the service reads. A role `uav` also needs `autopilot`."""
+
+    role: Literal["uav", "beacon"]
+    id: RobotId
+    name: Annotated[str, Meta(min_length=1, max_length=32)]
+    csi: CsiConfig
+    neighbours: NeighbourConfig
+    peers: list[Peer]
+    runtime_dir: str = "/run/companion"
+    control_socket: str = "control.sock"
+    pose: PoseConfig = field(default_factory=PoseConfig)
+    recorder: RecorderConfig = field(default_factory=RecorderConfig)
+    aperture: ApertureConfig = field(default_factory=ApertureConfig)
+    mission: MissionConfig = field(default_factory=MissionConfig)
+    gate: GateConfig = field(default_factory=GateConfig)
+    autopilot: AutopilotConfig | None = None
+
+    @property
+    def target(self) -> int:
+        """Id of the peer to fly to."""
+        return self.peers[0].id if self.mission.target is None else self.mission.target
+
+    def path(self, name: str) -> Path:
+        """`name` under `runtime_dir` unless it is absolute."""
+        return Path(self.runtime_dir) / name
+
+    def errors(self) -> list[str]:
+        """What the types cannot say, each with its key."""
+        found = []
+        if self.role == "uav" and self.autopilot is None:
+            found.append("autopilot: missing; role uav needs autopilot.url, for example udpin://127.0.0.1:14540")
+        if not self.peers:
+            found.append("peers: empty; expected at least one robot to hear")
+        for key in ("id", "name", "mac"):
+            values = [str(getattr(peer, key)).upper() for peer in self.peers]
+            found += [
+                f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
+            ]
+        if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:
+            found.append(f"mission.target: {self.mission.target} is the id of no peer")
+        found += [f"peers: id {p.id} is this robot's own id" for p in self.peers if p.id == self.id]
+        axes = zip("xyz", self.gate.fence_min_m, self.gate.fence_max_m, strict=True)
+        found += [f"gate.fence_min_m: {axis} is not below fence_max_m" for axis, low, high in axes if not low < high]
+        turn_m = math.tau * math.hypot(self.mission.lateral_weave_m, self.mission.vertical_weave_m) / math.sqrt(2)
+        if self.mission.takeoff_height_m - self.mission.vertical_weave_m < self.gate.min_height_m:
+            found.append("mission.takeoff_height_m: the vertical weave would reach below gate.min_height_m")
+        if turn_m >= self.aperture.length_m:
+            found.append(f"mission.lateral_weave_m: one turn takes {turn_m:.2f} m of path, more than aperture.length_m")
+        if self.mission.takeoff_height_m + self.mission.vertical_weave_m > self.gate.fence_max_m[2]:
+            found.append("mission.takeoff_height_m: the vertical weave would reach above gate.fence_max_m")
+        if self.autopilot is not None and not _URL.match(self.autopilot.url):
+            found.append(
+                f"autopilot.url: {self.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
+                "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"
+            )
+        if self.mission.speed_m_s > self.gate.max_speed_m_s:
+            found.append("mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point")
+        return found

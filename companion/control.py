@@ -1,0 +1,85 @@
+"""The local control socket: one JSON line asks, one answers. Engaging is a person's act and comes only here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import socket
+import struct
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from companion.errors import CompanionError
+
+Handler = Callable[[str], Awaitable[dict[str, Any]]]
+_UCRED = struct.Struct("3i")
+_LINE_BYTES = 1 << 20
+
+
+class ControlServer:
+    """Listens on a Unix socket that only its owner (or root) may use, and gives each command to `handler`."""
+
+    def __init__(self, path: Path, handler: Handler) -> None:
+        self._path = path
+        self._handler = handler
+
+    async def run(self) -> None:
+        """Serves until cancelled. Raises CompanionError when another service holds the socket."""
+        await self._refuse_second_service()
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
+        self._path.chmod(0o600)
+        try:
+            async with server:
+                await server.serve_forever()
+        finally:
+            self._path.unlink(missing_ok=True)
+
+    async def _refuse_second_service(self) -> None:
+        try:
+            _, writer = await asyncio.open_unix_connection(self._path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            self._path.unlink(missing_ok=True)
+            return
+        writer.close()
+        raise CompanionError(f"{self._path}: another service is running on this control socket")
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(ConnectionError, ValueError):
+            while line := await reader.readline():
+                writer.write(json.dumps(await self._answer(line, writer)).encode() + b"\n")
+                await writer.drain()
+        writer.close()
+
+    async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
+        peer: socket.socket = writer.get_extra_info("socket")
+        _, uid, _ = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
+        if uid not in (0, os.getuid()):
+            return {"ok": False, "error": f"user {uid} may not command this service"}
+        try:
+            command = json.loads(line)["command"]
+        except (ValueError, KeyError, TypeError):
+            return {"ok": False, "error": 'expected one line like {"command": "status"}'}
+        return await self._handler(str(command))
+
+
+async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any]:
+    """Sends one command and returns the answer. Raises CompanionError when no service answers there."""
+    try:
+        async with asyncio.timeout(timeout_s):
+            reader, writer = await asyncio.open_unix_connection(path, limit=_LINE_BYTES)
+            writer.write(json.dumps({"command": command}).encode() + b"\n")
+            line = await reader.readline()
+            writer.close()
+            answer = json.loads(line)
+    except (FileNotFoundError, ConnectionRefusedError):
+        raise CompanionError(f"{path}: no service is running there") from None
+    except PermissionError:
+        raise CompanionError(f"{path}: permission denied; run as the service's user or root") from None
+    except (TimeoutError, ConnectionError, ValueError):
+        raise CompanionError(f"{path}: the service does not answer") from None
+    assert isinstance(answer, dict)
+    return answer

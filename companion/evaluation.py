@@ -1,0 +1,169 @@
+"""Every link of a data set against its truth: errors by set, with and without the estimates that call themselves
+unreliable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.analysis import LinkResult, Options, RunResult, analyze_run
+from companion.recordings import Run
+
+ALL = "all"
+UNEVALUATED_DEG = 180.0
+"""The error of a link that has its files but gave no estimate: as wrong as can be."""
+_WITHIN_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRow:
+    """One link. `error_deg` is |azimuth error| at the estimate's own reference point."""
+
+    set: str
+    position: str
+    run: str
+    tx: str
+    error_deg: float
+    azimuth_deg: float | None
+    true_azimuth_deg: float | None
+    elevation_deg: float | None
+    true_elevation_deg: float | None
+    azimuth_std_deg: float | None
+    reliability: float
+    """0 for a link without an estimate."""
+    packets: int
+    reason: str
+    """Why there is no estimate; empty where there is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Errors of some links: how many, median, mean, 90th percentile, share under 10 degrees."""
+
+    n: int
+    median_deg: float
+    mean_deg: float
+    p90_deg: float
+    within_10: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A link or run whose files are not there."""
+
+    set: str
+    run: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """`sets` counts every link that has files; `reliable` only those at or above the reliability asked for."""
+
+    poses: str
+    estimator: str
+    min_reliability: float
+    sets: dict[str, Figures]
+    reliable: dict[str, Figures]
+    links: list[LinkRow]
+    left_out: list[LeftOut]
+
+
+def evaluate_run(run: Run, options: Options) -> tuple[list[LinkRow], list[LeftOut]]:
+    """The rows of one run. Pure but for reading its files, so runs can be shared out to processes."""
+    result = analyze_run(run, options)
+    if result.links:
+        rows = [_row(run, link) for link in result.links if link.truth is not None or link.estimate is None]
+        untrue = [link for link in result.links if link.truth is None and link.estimate is not None]
+        left_out = [LeftOut(run.set_name, run.stamp, f"{link.name}: its true position is not known") for link in untrue]
+        return rows, left_out + [LeftOut(run.set_name, run.stamp, text) for text in _missing_files(result)]
+    complete = run.rx is not None and options.kind in run.trajectories
+    reason = "; ".join(result.problems)
+    if complete:  # the files are there and could not be used: as wrong as can be
+        return [_unevaluated(run, name, reason) for name in sorted(run.tx)], []
+    return [], [LeftOut(run.set_name, run.stamp, reason)]
+
+
+def evaluation(
+    links: Iterable[LinkRow], left_out: Iterable[LeftOut], poses: str, estimator: str, min_reliability: float
+) -> Evaluation:
+    rows = sorted(links, key=lambda row: (row.set, row.position, row.run, row.tx))
+    reliable = [row for row in rows if row.reliability >= min_reliability]
+    return Evaluation(
+        poses, estimator, min_reliability, _by_set(rows), _by_set(reliable), rows, sorted(left_out, key=lambda o: o.run)
+    )
+
+
+def risk_coverage(links: Sequence[LinkRow]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean error (N,) [deg] of the most reliable links against the share (N,) of links kept."""
+    order = np.argsort([-row.reliability for row in links], kind="stable")
+    errors = np.array([row.error_deg for row in links])[order]
+    kept = np.arange(1, len(errors) + 1)
+    return kept / max(len(errors), 1), np.cumsum(errors) / kept
+
+
+def _by_set(rows: Sequence[LinkRow]) -> dict[str, Figures]:
+    names = sorted({row.set for row in rows})
+    groups = {name: [row.error_deg for row in rows if row.set == name] for name in names}
+    if len(names) > 1:
+        groups[ALL] = [row.error_deg for row in rows]
+    return {name: _figures(errors) for name, errors in groups.items()}
+
+
+def _figures(errors_deg: list[float]) -> Figures:
+    errors = np.array(errors_deg)
+    return Figures(
+        len(errors),
+        float(np.median(errors)),
+        float(errors.mean()),
+        float(np.percentile(errors, 90)),
+        float(np.mean(errors < _WITHIN_DEG)),
+    )
+
+
+def _row(run: Run, link: LinkResult) -> LinkRow:
+    if link.estimate is None or link.truth is None:
+        return _unevaluated(run, link.name, link.problem or "no estimate")
+    estimate = link.estimate
+    std_deg = math.degrees(estimate.azimuth_std_rad)
+    difference_rad = math.remainder(estimate.azimuth_rad - link.truth.azimuth_rad, math.tau)
+    return LinkRow(
+        set=run.set_name,
+        position=run.folder.resolve().name,
+        run=run.stamp,
+        tx=link.name,
+        error_deg=abs(math.degrees(difference_rad)),
+        azimuth_deg=math.degrees(estimate.azimuth_rad),
+        true_azimuth_deg=math.degrees(link.truth.azimuth_rad),
+        elevation_deg=math.degrees(estimate.polar_rad) if estimate.polar_observable else None,
+        true_elevation_deg=math.degrees(link.truth.polar_rad),
+        azimuth_std_deg=std_deg if math.isfinite(std_deg) else None,
+        reliability=estimate.reliability,
+        packets=estimate.packets,
+        reason="",
+    )
+
+
+def _unevaluated(run: Run, name: str, reason: str) -> LinkRow:
+    return LinkRow(
+        set=run.set_name,
+        position=run.folder.resolve().name,
+        run=run.stamp,
+        tx=name,
+        error_deg=UNEVALUATED_DEG,
+        azimuth_deg=None,
+        true_azimuth_deg=None,
+        elevation_deg=None,
+        true_elevation_deg=None,
+        azimuth_std_deg=None,
+        reliability=0.0,
+        packets=0,
+        reason=reason,
+    )
+
+
+def _missing_files(result: RunResult) -> Iterator[str]:
+    return (problem for problem in result.problems if "is missing" in problem)

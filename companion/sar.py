@@ -1,0 +1,137 @@
+"""SAR iterations: cut the apertures of one leg, have them computed, and turn the answers into bearings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.aoa_process import AoaProcess
+from companion.aoa_wire import AoaResult
+from companion.clock import NS_PER_S, Clock
+from companion.config import ApertureConfig
+from companion.history import History
+from companion.messages import Vector3
+from companion.neighbours import Neighbour
+from companion.tracker import Bearing
+from companion.window import ApertureReport, SarWindow
+from wsr.aoa import AoaEstimate
+
+_LOCAL_CAPACITY = 20 * 120
+
+
+@dataclass(frozen=True, slots=True)
+class Iteration:
+    """One SAR iteration for one peer, whatever came of it. `estimate.reference_t_s` counts from `start_ns`."""
+
+    number: int
+    peer: int
+    start_ns: int
+    end_ns: int
+    reference_ns: int
+    """Time of the reference point; `end_ns` when there is no estimate."""
+    p_local_enu_m: Vector3 | None
+    """Reference point in the autopilot's local frame, where its position was known then."""
+    received: int
+    dropped: Mapping[str, int]
+    compute_s: float
+    estimate: AoaEstimate | None
+    refusal: str
+
+    def bearing(self) -> Bearing | None:
+        """What the tracker takes; None where nothing can steer."""
+        if self.estimate is None or self.p_local_enu_m is None or not self.estimate.azimuth_observable:
+            return None
+        estimate = self.estimate
+        return Bearing(
+            self.reference_ns, self.p_local_enu_m, estimate.azimuth_rad, estimate.polar_rad, estimate.azimuth_std_rad
+        )
+
+
+class SarIterations:
+    """Numbers the iterations. `on_iteration` gets each with its profile (float16 bytes, empty for a refusal)."""
+
+    def __init__(
+        self,
+        window: SarWindow,
+        process: AoaProcess,
+        neighbours: Mapping[int, Neighbour],
+        config: ApertureConfig,
+        clock: Clock,
+        on_iteration: Callable[[Iteration, bytes], None],
+    ) -> None:
+        self._window = window
+        self._process = process
+        self._neighbours = neighbours
+        self._config = config
+        self._clock = clock
+        self._on_iteration = on_iteration
+        self._local = History(_LOCAL_CAPACITY, 3)
+        self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._number = 0
+        self.start_ns: int | None = None
+
+    def add_local_position(self, t_ns: int, p_local_enu_m: Vector3) -> None:
+        self._local.append(t_ns, p_local_enu_m)
+
+    def begin(self) -> None:
+        """From here on packets belong to the next iteration."""
+        self.start_ns = self._clock.now_ns()
+
+    def finish(self, end_ns: int) -> None:
+        """Cuts the apertures of all neighbours from the beginning to `end_ns` and hands them to the worker."""
+        if self.start_ns is None:
+            return
+        start_ns, self.start_ns = self.start_ns, None
+        for neighbour in self._neighbours.values():
+            report = self._window.cut(neighbour, start_ns, end_ns)
+            number, self._number = self._number, self._number + 1
+            if report.aperture is None:
+                self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
+            else:
+                self._pending[self._process.submit(report.peer, report.aperture)] = number, report
+
+    def path_length_m(self) -> float:
+        """Path of the antenna since `begin`, by the pose source."""
+        return 0.0 if self.start_ns is None else self._window.path_length_m(self.start_ns, self._clock.now_ns())
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the worker waits for apertures."""
+        return self._process.ready.is_set()
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether results are still to come."""
+        return bool(self._pending)
+
+    def take(self, result: AoaResult) -> None:
+        """An answer of the worker."""
+        number, report = self._pending.pop(result.id)
+        self._on_iteration(self._iteration(number, report, result), result.profile)
+
+    def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
+        reference_ns = report.end_ns
+        if result.estimate is not None:
+            reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
+        return Iteration(
+            number,
+            report.peer,
+            report.start_ns,
+            report.end_ns,
+            reference_ns,
+            self._local_position(reference_ns),
+            report.received,
+            report.dropped,
+            result.compute_s,
+            result.estimate,
+            report.refusal or result.refusal,
+        )
+
+    def _local_position(self, t_ns: int) -> Vector3 | None:
+        times, rows = self._local.between(t_ns, t_ns)
+        if not len(times):
+            return None
+        x, y, z = (float(np.interp(t_ns, times, rows[:, axis])) for axis in range(3))
+        return x, y, z

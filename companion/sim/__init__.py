@@ -1,0 +1,1 @@
+"""What stands where hardware would: the world with its radio and cameras, and the mock autopilot."""

@@ -1,0 +1,153 @@
+"""The demo's operator: starts the cast, engages, watches the truth, and ends the run at the rendezvous."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+import socket
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from companion.clock import NS_PER_S, MonotonicClock
+from companion.control import ask
+from companion.errors import CompanionError
+from companion.sim import truth
+from companion.sim.stage import Cast, Stage, set_stage
+from companion.sim.truth import WorldTruth
+from companion.unix_datagram import bind_datagram_socket
+
+RENDEZVOUS_M: Final = 2.0
+_READY_S: Final = 90.0  # the first start on a machine compiles the AOA kernel
+_OUTPUTS: Final = ("log.mcap", "beacon.mcap", "flight.png", "profile.png")
+_POLL_S: Final = 0.25
+_LEAVE_S: Final = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """One look at the run: what the service says and what is true. `setpoint_rate_hz` is what the autopilot received
+    over the last second or so."""
+
+    elapsed_s: float
+    status: dict[str, Any]
+    truth: WorldTruth | None
+    setpoint_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class DemoRun:
+    """What happened, before the log is read. `outcome` says in words how it ended."""
+
+    reached: bool
+    outcome: str
+    flight_s: float
+    setup_s: float
+    closest_m: float
+    truths: list[WorldTruth]
+    stage: Stage
+
+
+async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None]) -> DemoRun:
+    """One rendezvous with everything real but the hardware. `out` is an existing directory.
+
+    Raises CompanionError when the cast cannot start or one of it ends early.
+    """
+    for old in _OUTPUTS:  # of an earlier run: a picture of it must not pass for one of this
+        (out / old).unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory(prefix="companion-") as name:
+        stage = set_stage(Path(name), out, seed)
+        with bind_datagram_socket(stage.truth_socket) as truth_socket:
+            try:
+                async with Cast(stage, out) as cast:
+                    return await _Operator(stage, cast, truth_socket, on_watch).run(max_time_s)
+            finally:
+                for claim in stage.claims:
+                    claim.close()
+
+
+class _Operator:
+    def __init__(
+        self, stage: Stage, cast: Cast, truth_socket: socket.socket, on_watch: Callable[[Watch], None]
+    ) -> None:
+        self._stage = stage
+        self._cast = cast
+        self._socket = truth_socket
+        self._on_watch = on_watch
+        self._clock = MonotonicClock()
+        self._start_ns = self._clock.now_ns()
+        self._truths: list[WorldTruth] = []
+
+    async def run(self, max_time_s: float) -> DemoRun:
+        await self._wait_until_ready()
+        engaged_ns = self._clock.now_ns()
+        setup_s = (engaged_ns - self._start_ns) / NS_PER_S
+        # Before this the vehicle stood idle; a person would now lift the switch.
+        answer = await ask(self._stage.control_socket, "engage")
+        if not answer["ok"]:
+            raise CompanionError(f"the service refused to engage: {answer['error']}")
+        outcome, reached = f"no rendezvous within {max_time_s:g} s", False
+        while (elapsed_s := (self._clock.now_ns() - engaged_ns) / NS_PER_S) < max_time_s:
+            watch = await self._look(elapsed_s)
+            if watch.truth is not None and watch.truth.distance_m <= RENDEZVOUS_M:
+                outcome, reached = f"rendezvous at {watch.truth.distance_m:.2f} m", True
+                break
+            if watch.status["state"] in ("fault", "latched", "idle"):
+                outcome = f"the mission ended in state {watch.status['state']}: {watch.status['reason']}"
+                break
+        flight_s = (self._clock.now_ns() - engaged_ns) / NS_PER_S
+        if reached:
+            await ask(self._stage.control_socket, "abort")
+            await self._watch_it_leave()
+        closest_m = min((t.distance_m for t in self._truths), default=math.inf)
+        return DemoRun(reached, outcome, flight_s, setup_s, closest_m, self._truths, self._stage)
+
+    async def _watch_it_leave(self) -> None:
+        """Long enough to see whether anything is sent after OFFBOARD was left."""
+        deadline_ns = self._clock.now_ns() + round(_LEAVE_S * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns:
+            await asyncio.sleep(_POLL_S)
+            self._drain_truth()
+
+    async def _wait_until_ready(self) -> None:
+        missing = ["nothing has answered yet"]
+        loop = asyncio.get_running_loop()
+        task = asyncio.current_task()
+        assert task is not None
+        loop.add_signal_handler(signal.SIGTERM, task.cancel)  # ends everything in order, as an interrupt does
+        while missing or not self._truths:
+            if (self._clock.now_ns() - self._start_ns) / NS_PER_S > _READY_S:
+                raise CompanionError(f"not ready after {_READY_S:g} s: {'; '.join(missing)}")
+            try:
+                watch = await self._look(0.0)
+                missing = watch.status["not_ready"]
+            except CompanionError as error:  # not listening yet
+                missing = [str(error)]
+
+    async def _look(self, elapsed_s: float) -> Watch:
+        await asyncio.sleep(_POLL_S)
+        if ended := self._cast.ended():
+            raise CompanionError(ended)
+        self._drain_truth()
+        status = await ask(self._stage.control_socket, "status")
+        watch = Watch(elapsed_s, status, self._truths[-1] if self._truths else None, self._setpoint_rate())
+        self._on_watch(watch)
+        return watch
+
+    def _drain_truth(self) -> None:
+        while True:
+            try:
+                self._truths.append(truth.decode_world(self._socket.recv(4096)))
+            except BlockingIOError:
+                return
+
+    def _setpoint_rate(self) -> float:
+        recent = self._truths[-25:]
+        if len(recent) < 2:
+            return 0.0
+        first, last = recent[0], recent[-1]
+        span_s = (last.vehicle.t_mono_ns - first.vehicle.t_mono_ns) / NS_PER_S
+        return (last.vehicle.setpoints - first.vehicle.setpoints) / span_s if span_s > 0 else 0.0

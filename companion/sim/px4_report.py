@@ -1,0 +1,44 @@
+"""What the mock tells a test that asks: one msgpack datagram."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from companion.messages import Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Report:
+    """The mock's state and its counters. Times are CLOCK_MONOTONIC, shared by all processes of the host."""
+
+    t_mono_ns: int
+    mode: str
+    armed: bool
+    landed: bool
+    failsafe: bool
+    p_enu_m: Vector3
+    v_enu_m_s: Vector3
+    yaw_enu_rad: float
+    setpoints: int
+    setpoints_in_offboard: int
+    setpoints_outside: int
+    last_setpoint_mono_ns: int | None
+    largest_gap_s: float
+    """Between two set points within one stay in OFFBOARD."""
+    offboard_s: float
+    peer_heartbeats: int
+    timesync_answers: int
+    history: list[tuple[int, str]]
+    """When each mode began; the newest 200."""
+    error: str | None = None
+    """Why the order was not understood; None when it was."""
+
+
+def encode(report: Px4Report) -> bytes:
+    return msgspec.msgpack.encode(report)
+
+
+def decode(datagram: bytes) -> Px4Report:
+    return msgspec.msgpack.decode(datagram, type=Px4Report)

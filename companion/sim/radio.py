@@ -1,0 +1,219 @@
+"""The radio link as physics: true motion in, the CSI records of both cards out. No I/O.
+
+The UAV (i) pings, the beacon (j) answers with the same counter about 0.3 ms later. The card of the hearing end reports
+
+    H(k) exp(+-j 2 pi df t) exp(-j 2 pi k 312.5 kHz tau) exp(j const) + noise,    df = f_c (ppm_i - ppm_j) 1e-6
+
+with + at the beacon (transmitter minus receiver) and - at the UAV, the packet's own detection delay tau and time t.
+The product of both therefore keeps exp(-j 2 pi df (t_answer - t_ping)), as real captures do. Cards scale a report to a
+fixed size whatever its power; the power is in rssi and agc: dBm = 10 log10(sum 10^(rssi / 10)) - 44 - agc.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.sim.draws import ExchangeDraws, exchange_draws
+from companion.sim.propagation import SUBCARRIER_INDICES, SUBCARRIER_STEP_HZ, carrier_hz, propagate
+from companion.sim.scenario import RobotScenario, Scenario
+from companion.sim.trajectory import Array, Trajectory
+from csi_bridge.records import CsiRecord
+
+Records = tuple[list[CsiRecord], list[CsiRecord]]
+
+DEFAULT_EPOCH_NS: Final = 1_700_000_000_000_000_000
+_CARD_STREAM: Final = 3
+_PING_JITTER: Final = 0.2
+_LATEST_ANSWER_S: Final = 6e-4
+_FULL_SCALE: Final = 30.0
+_SCALE_STD: Final = 0.05
+_RSSI_TARGET_DB: Final = 37.0
+_MAX_AGC: Final = 63
+_SELECTIONS: Final = (0b10_01_00, 0b01_10_00)
+_RATE: Final = 257
+_MEAN_DELIVERY_S: Final = 60e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Card:
+    """One end: what its crystal, its cables and its clocks do. Drawn from the seed where the scenario is silent."""
+
+    robot: RobotScenario
+    mac: bytes
+    levers_m: Array
+    gains: npt.NDArray[np.complex128]
+    transmit_phase: complex
+    nic_offset_us: float
+    bfee_start: int
+
+    @staticmethod
+    def make(robot: RobotScenario, seed: int, end: int) -> _Card:
+        rng = np.random.default_rng([seed, _CARD_STREAM, end])
+        phases = rng.uniform(-math.pi, math.pi, 4)
+        return _Card(
+            robot=robot,
+            mac=bytes.fromhex(robot.mac.replace(":", "")),
+            levers_m=np.array(robot.antennas_m),
+            gains=10 ** (np.array(robot.antenna_gain_db) / 20) * np.exp(1j * phases[:3]),
+            transmit_phase=complex(np.exp(1j * phases[3])),
+            nic_offset_us=float(rng.integers(2**32)),
+            bfee_start=int(rng.integers(2**16)),
+        )
+
+    def nic_us(self, t_s: Array) -> npt.NDArray[np.int64]:
+        """The card's 32-bit microsecond clock."""
+        microseconds = self.nic_offset_us + (1 + self.robot.oscillator_ppm * 1e-6) * 1e6 * t_s
+        return np.floor(microseconds).astype(np.int64) % 2**32
+
+
+class RadioLink:
+    """Makes the exchanges of a growing span of time. Exchange n is at about n / rate seconds; n starts at 1."""
+
+    def __init__(self, scenario: Scenario, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        """`epoch_ns`: wall time at t = 0, before each robot's own clock offset."""
+        self._scenario = scenario
+        self._epoch_ns = epoch_ns
+        self._uav = _Card.make(scenario.uav, scenario.seed, 0)
+        self._beacon = _Card.make(scenario.beacon, scenario.seed, 1)
+        self._df_hz = (
+            carrier_hz(scenario.radio.channel) * (scenario.uav.oscillator_ppm - scenario.beacon.oscillator_ppm) * 1e-6
+        )
+        self._next = 1
+        # By hearing side: 0 the beacon, 1 the UAV.
+        self._counts = [self._beacon.bfee_start, self._uav.bfee_start]
+        phases = (
+            self._uav.transmit_phase * self._beacon.gains,
+            self._beacon.transmit_phase * self._uav.gains,
+        )
+        self._constant = 10 ** (scenario.radio.tx_power_dbm / 20) * np.array(phases)
+
+    @property
+    def exchanges(self) -> int:
+        """Exchanges made so far, lost ones included."""
+        return self._next - 1
+
+    def advance(self, until_s: float, uav: Trajectory, beacon: Trajectory) -> Records:
+        """Records (at the UAV, at the beacon) of all exchanges that end before `until_s` and were not made yet.
+
+        The trajectories must cover the time since the last call.
+        """
+        rate_hz = self._scenario.radio.exchange_rate_hz
+        count = math.floor((until_s - _LATEST_ANSWER_S) * rate_hz - _PING_JITTER) - self._next + 1
+        if count <= 0:
+            return [], []
+        first, self._next = self._next, self._next + count
+        draws = exchange_draws(self._scenario.seed, first, count)
+        t_s = _times(self._scenario, np.arange(first, first + count), draws)
+        signal = self._signal(t_s, uav, beacon, draws)
+        at_beacon, at_uav = (self._hear(side, first, t_s[side], signal[side], draws) for side in (0, 1))
+        return at_uav, at_beacon
+
+    def skip_to(self, from_s: float) -> None:
+        """Leaves out the exchanges before `from_s`."""
+        self._next = max(self._next, math.ceil(from_s * self._scenario.radio.exchange_rate_hz + 1))
+
+    def _signal(
+        self, t_s: Array, uav: Trajectory, beacon: Trajectory, draws: ExchangeDraws
+    ) -> npt.NDArray[np.complex128]:
+        """What the cards estimate, (2, N, 30, R) in sqrt(mW): at the beacon at t_s[0], at the UAV at t_s[1]."""
+        radio = self._scenario.radio
+        ends_m = [
+            robot.antennas_at(t_s.ravel(), card.levers_m).reshape(2, -1, *card.levers_m.shape)
+            for robot, card in ((uav, self._uav), (beacon, self._beacon))
+        ]
+        channel = propagate(
+            np.concatenate([ends_m[0][0, :, 0], ends_m[1][1, :, 0]]),
+            np.concatenate([ends_m[1][0], ends_m[0][1]]),
+            radio.channel,
+            radio.direct_gain,
+            radio.reflectors,
+        )
+        delay_s = radio.detection_delay_s + radio.detection_delay_std_s * draws.normals[:, 1:3].T
+        turns = self._df_hz * np.array([[1.0], [-1.0]]) * t_s
+        phase = turns[..., None] - SUBCARRIER_STEP_HZ * SUBCARRIER_INDICES * delay_s[..., None]
+        noise = 10 ** (radio.noise_dbm / 20) * draws.noise.swapaxes(0, 1)
+        signal: npt.NDArray[np.complex128] = channel.reshape(noise.shape)
+        signal *= np.exp(2j * math.pi * phase)[..., None]
+        signal *= self._constant[:, None, None, :]
+        signal += noise
+        return signal
+
+    def _hear(
+        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], draws: ExchangeDraws
+    ) -> list[CsiRecord]:
+        """Records of one card from signal (N, 30, R); side 0 is the beacon hearing pings, 1 the UAV hearing answers."""
+        sender, receiver = (self._uav, self._beacon) if side == 0 else (self._beacon, self._uav)
+        power_mw = np.sum(signal.real**2 + signal.imag**2, axis=1) / signal.shape[1]
+        power_dbm = 10 * np.log10(power_mw)
+        agc = np.minimum(np.maximum(np.rint(_RSSI_TARGET_DB - 44 - power_dbm.max(axis=1)), 0), _MAX_AGC)
+        rssi = np.minimum(np.maximum(np.rint(power_dbm + 44 + agc[:, None]), 1), 255).astype(int).tolist()
+        csi = _quantise(signal, power_mw, draws.normals[:, 3 + side])
+        nic_us = receiver.nic_us(t_s).tolist()
+        host_s = t_s + _MEAN_DELIVERY_S * draws.delivery[:, side] + receiver.robot.clock_offset_s
+        host_us = np.rint(host_s * 1e6).astype(np.int64).tolist()
+        selection = draws.uniforms[:, 5 + side].tolist()
+        records = []
+        for i, luck in enumerate(draws.uniforms[:, 3 + side].tolist()):
+            if luck < self._scenario.radio.loss_probability:
+                continue
+            self._counts[side] = (self._counts[side] + 1) & 0xFFFF
+            records.append(
+                CsiRecord(
+                    timestamp_low_us=nic_us[i],
+                    bfee_count=self._counts[side],
+                    n_rx=csi.shape[2],
+                    n_tx=1,
+                    rssi=tuple(rssi[i]),
+                    noise_dbm=round(self._scenario.radio.noise_dbm),
+                    agc=int(agc[i]),
+                    antenna_sel=_SELECTIONS[int(selection[i] * len(_SELECTIONS))],
+                    rate=_RATE,
+                    csi=csi[i, :, :, None],
+                    layout=38,
+                    host_time_ns=self._epoch_ns + host_us[i] * 1000,
+                    mac=sender.mac,
+                    frame_count=(first + i) & 0xFFFFFFFF,
+                )
+            )
+        return records
+
+
+def simulate_exchanges(scenario: Scenario, uav: Trajectory, beacon: Trajectory) -> Records:
+    """Records (at the UAV, at the beacon) of the exchanges within the UAV's samples; both trajectories start at t >= 0.
+
+    Pure: the same arguments give the same records.
+    """
+    link = RadioLink(scenario)
+    link.skip_to(float(uav.t_s[0]))
+    return link.advance(float(uav.t_s[-1]), uav, beacon)
+
+
+def exchange_times(scenario: Scenario, counters: npt.NDArray[np.int64]) -> tuple[Array, Array]:
+    """True times [s] of the ping and of the answer of consecutive exchanges `counters` (N,): two arrays (N,)."""
+    t_ping_s, t_answer_s = _times(scenario, counters, exchange_draws(scenario.seed, int(counters[0]), len(counters)))
+    return t_ping_s, t_answer_s
+
+
+def _times(scenario: Scenario, counters: npt.NDArray[np.int64], draws: ExchangeDraws) -> Array:
+    """(2, N): pings and answers."""
+    radio = scenario.radio
+    outlier = draws.uniforms[:, 1] < radio.turnaround_outlier_probability
+    late_s = np.where(outlier, radio.turnaround_outlier_s * (0.5 + draws.uniforms[:, 2]), 0.0)
+    turnaround_s = radio.turnaround_s + radio.turnaround_jitter_s * draws.normals[:, 0] + late_s
+    t_s = np.empty((2, len(counters)))
+    t_s[0] = (counters + _PING_JITTER * draws.uniforms[:, 0]) / radio.exchange_rate_hz
+    t_s[1] = t_s[0] + np.minimum(np.maximum(turnaround_s, 1e-6), _LATEST_ANSWER_S)
+    return t_s
+
+
+def _quantise(signal: npt.NDArray[np.complex128], power_mw: Array, scale: Array) -> npt.NDArray[np.complex64]:
+    """The card's int8 report: the strongest antenna at about 30 counts, the others in proportion."""
+    size = _FULL_SCALE * np.minimum(np.maximum(1 + _SCALE_STD * scale, 0.8), 1.2)
+    parts = np.rint((signal * (size / np.sqrt(power_mw.max(axis=1)))[:, None, None]).view(np.float64))
+    csi: npt.NDArray[np.complex64] = np.minimum(np.maximum(parts, -128), 127).astype(np.float32).view(np.complex64)
+    return csi

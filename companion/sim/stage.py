@@ -1,0 +1,223 @@
+"""The processes of the demo: where their files and ports are, how they start, how they end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import math
+import os
+import secrets
+import signal
+import socket
+import sys
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, cast
+
+from companion.child import die_with_parent
+from companion.config import AutopilotConfig, Config
+from companion.config_file import load_config, save_config
+from companion.errors import CompanionError
+from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
+from csi_bridge.netlink import connector_available
+
+_CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
+_STOP_S: Final = 5.0
+_ROBOTS: Final = 2
+_CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where everything of one demo run is. `transport` is netlink where permitted, else unix with the reason why."""
+
+    directory: Path
+    uav: Config
+    beacon: Config
+    scenario: Scenario
+    mavlink_port: int
+    transport: str
+    transport_reason: str
+    claims: tuple[socket.socket, ...]
+    """Hold the connector indices for this run: two runs in one group would hear each other's radio."""
+
+    @property
+    def truth_socket(self) -> Path:
+        return Path(self.scenario.truth_out)
+
+    @property
+    def control_socket(self) -> Path:
+        return self.uav.path(self.uav.control_socket)
+
+
+def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -> Stage:
+    """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
+    have a limit). Logs go to `out`."""
+    reason = (connector_available() or "") if use_netlink else "it was asked for"
+    transport = "unix" if reason else "netlink"
+    claims = _claim_connectors() if transport == "netlink" else {}
+    mavlink_port, neighbour_port = _free_udp_port("127.0.0.1"), _free_udp_port("127.255.255.255")
+    uav = load_config(_CONFIGS / "demo-uav.yaml")
+    beacon = load_config(_CONFIGS / "demo-beacon.yaml")
+    uav = dataclasses.replace(
+        _placed(uav, directory / "uav", transport, neighbour_port, out / "log.mcap", claims),
+        autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}"),
+    )
+    beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
+    uav_key, beacon_key = secrets.token_bytes(32), secrets.token_bytes(32)
+    for config, own_key, peer_key in ((uav, uav_key, beacon_key), (beacon, beacon_key, uav_key)):
+        config.path("").mkdir()
+        save_config(config, directory / f"{config.name}.yaml")
+        _write_key(config.path(config.neighbours.key_file), own_key)
+        _write_key(config.path(config.peers[0].key_file), peer_key)
+    scenario = _scenario(uav, beacon, directory, seed)
+    (directory / "scenario.json").write_bytes(encode_scenario(scenario))
+    return Stage(directory, uav, beacon, scenario, mavlink_port, transport, reason, tuple(claims.values()))
+
+
+class Cast:
+    """The running processes. Used as an async context: at its end all of them have ended, whatever happened."""
+
+    def __init__(self, stage: Stage, out: Path, *px4_options: str) -> None:
+        self._stage = stage
+        self._out = out
+        self._px4_options = px4_options
+        self._processes: dict[str, asyncio.subprocess.Process] = {}
+
+    async def __aenter__(self) -> Cast:
+        try:
+            return await self._enter()
+        except BaseException:
+            await self.__aexit__()  # not called by itself when entering fails
+            raise
+
+    async def _enter(self) -> Cast:
+        stage = self._stage
+        directory = stage.directory
+        await self._start("world", "companion.sim.world", "--scenario", directory / "scenario.json")
+        await self._start(
+            "px4", "companion.sim.px4", "--connect", f"127.0.0.1:{stage.mavlink_port}",
+            "--truth", stage.scenario.truth_in, "--seed", stage.scenario.seed, *self._px4_options,
+        )  # fmt: skip
+        await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
+        await self._start("uav", "companion", "run", "--config", directory / "uav.yaml")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        # The services go first, so that the vehicle is left in Hold while its autopilot is still there to take it.
+        for names in (("uav", "beacon"), ("px4", "world")):
+            await asyncio.gather(*(self._stop(name) for name in names if name in self._processes))
+
+    def pid(self, name: str) -> int:
+        """Process id of one of world, px4, beacon, uav."""
+        return self._processes[name].pid
+
+    def ended(self) -> str:
+        """Which process has ended although nobody asked it to, and where its log is; empty while all run."""
+        for name, process in self._processes.items():
+            if process.returncode is not None:
+                return f"{name} ended with code {process.returncode}; see {self._out / name}.txt"
+        return ""
+
+    async def _start(self, name: str, module: str, *arguments: object) -> None:
+        # The simulated hardware is niced: on a vehicle it takes no time from the service either.
+        nice = ("nice", "-n", "5") if name in ("world", "px4") else ()
+        with (self._out / f"{name}.txt").open("wb") as log:
+            self._processes[name] = await asyncio.create_subprocess_exec(
+                *nice, sys.executable, "-m", module, *map(str, arguments),
+                stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log,
+                start_new_session=True,  # an interrupt from the terminal reaches the demo, which ends them in order
+                preexec_fn=die_with_parent,
+            )  # fmt: skip
+
+    async def _stop(self, name: str) -> None:
+        process = self._processes[name]
+        with contextlib.suppress(ProcessLookupError):
+            process.send_signal(signal.SIGTERM)
+        try:
+            async with asyncio.timeout(_STOP_S):
+                await process.wait()
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+
+
+def _claim_connectors() -> dict[int, socket.socket]:
+    """Two connector indices that no other run on this machine uses, each with the socket that says so.
+
+    An abstract Unix socket is a lock that the kernel gives back whenever its process ends.
+    """
+    claims: dict[int, socket.socket] = {}
+    for index in _CONNECTORS:
+        claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claim.bind(f"\0wsr-companion-demo-connector-{index}")
+        except OSError:
+            claim.close()
+            continue
+        claims[index] = claim
+        if len(claims) == _ROBOTS:
+            return claims
+    raise CompanionError("every netlink connector index is taken by another demo; wait until one has ended")
+
+
+def _placed(
+    config: Config,
+    directory: Path,
+    transport: str,
+    neighbour_port: int,
+    log: Path,
+    connectors: Collection[int],
+) -> Config:
+    """The configuration of the file with this run's directory, ports, transport and connector."""
+    assert transport in ("netlink", "unix")
+    index = config.csi.connector_idx
+    if connectors:
+        index = sorted(connectors)[config.role == "beacon"]
+    return dataclasses.replace(
+        config,
+        runtime_dir=str(directory),
+        csi=dataclasses.replace(config.csi, source=cast(Literal["netlink", "unix"], transport), connector_idx=index),
+        neighbours=dataclasses.replace(config.neighbours, port=neighbour_port),
+        recorder=dataclasses.replace(config.recorder, path=str(log.resolve())),
+    )
+
+
+def _scenario(uav: Config, beacon: Config, directory: Path, seed: int) -> Scenario:
+    """The world these two configurations expect: their MACs, antennas, camera headings and sockets."""
+    return Scenario(
+        seed=seed,
+        uav=_robot(uav, mac=beacon.peers[0].mac, oscillator_ppm=1.3, clock_offset_s=0.0),
+        beacon=_robot(beacon, mac=uav.peers[0].mac, oscillator_ppm=-0.7, clock_offset_s=38.0),
+        truth_in=str(directory / "truth-in.sock"),
+        truth_out=str(directory / "truth-out.sock"),
+    )
+
+
+def _robot(config: Config, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
+    forward, left, up = config.pose.antenna_m
+    csi = config.csi
+    return RobotScenario(
+        mac=mac,
+        csi=CsiEndpoint(csi.source, csi.connector_idx, str(config.path(csi.socket))),
+        pose_socket=str(config.path(config.pose.socket)),
+        antennas_m=((forward, left, up), (forward, left + 0.06, up), (forward, left - 0.06, up)),
+        oscillator_ppm=oscillator_ppm,
+        clock_offset_s=clock_offset_s,
+        frame_yaw_rad=math.radians(config.pose.north_yaw_deg),
+    )
+
+
+def _write_key(path: Path, key: bytes) -> None:
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(key)
+
+
+def _free_udp_port(address: str) -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((address, 0))
+        port = probe.getsockname()[1]
+    assert isinstance(port, int)
+    return port

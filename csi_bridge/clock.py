@@ -1,0 +1,161 @@
+"""The NIC's microsecond clock on the host's clock.
+
+A packet reaches the host late by a varying delay, never early. So the relation of the two clocks is the line under all
+(NIC time, host time - NIC time) points of a recent window: the lower envelope, with a slope of at most 100 ppm.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+MAX_SLOPE: Final = 100e-6
+"""Two crystals of +-20 ppm each and some margin for a host clock that is being slewed."""
+_WRAP_US: Final = 1 << 32
+_RESET_NS: Final = 500_000_000
+_BUCKET_NS: Final = 500_000_000
+_BUCKETS: Final = 20
+_SLOPE_SPAN_NS: Final = 3_000_000_000
+_BLOCK: Final = 100
+_MAX_LEAD_NS: Final = 1_000_000
+
+Point = tuple[float, float]
+
+
+class NicClock:
+    """Maps each packet's NIC time stamp to the host's monotonic clock. One clock for each NIC.
+
+    Wraps of the 32-bit counter are followed; a counter that disagrees with the host by more than half a second since
+    the packet before has been reset, and the mapping starts over.
+    """
+
+    def __init__(self) -> None:
+        self._last_stamp_us: int | None = None
+        self._last_mono_ns = 0
+        self._nic_ns = 0
+        self._start_nic_ns = 0
+        self._start_offset_ns = 0
+        self._minima: deque[tuple[int, Point]] = deque(maxlen=_BUCKETS)
+        self.resets = 0
+
+    def update(self, timestamp_low_us: int, t_mono_ns: int) -> int:
+        """Host time [ns] at which the packet was received, never later than `t_mono_ns`, when the host read it."""
+        self._follow(timestamp_low_us, t_mono_ns)
+        elapsed_ns = self._nic_ns - self._start_nic_ns
+        offset_ns = t_mono_ns - self._nic_ns - self._start_offset_ns
+        self._keep(elapsed_ns, float(offset_ns))
+        slope, intercept = envelope([point for _, point in self._minima])
+        return min(t_mono_ns, self._nic_ns + self._start_offset_ns + round(slope * elapsed_ns + intercept))
+
+    def _follow(self, stamp_us: int, t_mono_ns: int) -> None:
+        if self._last_stamp_us is None:
+            self._restart(stamp_us, t_mono_ns)
+        else:
+            # Signed, so that records that arrive slightly out of order do not count as a wrap.
+            step_us = (stamp_us - self._last_stamp_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+            step_ns = step_us * 1000
+            if abs(step_ns - (t_mono_ns - self._last_mono_ns)) > _RESET_NS:
+                self.resets += 1
+                self._restart(stamp_us, t_mono_ns)
+            else:
+                self._nic_ns += step_ns
+        self._last_stamp_us, self._last_mono_ns = stamp_us, t_mono_ns
+
+    def _restart(self, stamp_us: int, t_mono_ns: int) -> None:
+        self._nic_ns = self._start_nic_ns = stamp_us * 1000
+        self._start_offset_ns = t_mono_ns - self._nic_ns
+        self._minima.clear()
+
+    def _keep(self, elapsed_ns: int, offset_ns: float) -> None:
+        bucket = elapsed_ns // _BUCKET_NS
+        point = (float(elapsed_ns), offset_ns)
+        if not self._minima or bucket > self._minima[-1][0]:
+            self._minima.append((bucket, point))
+        elif offset_ns < self._minima[-1][1][1]:
+            self._minima[-1] = (bucket, point)
+
+
+def envelope(points: list[Point]) -> tuple[float, float]:
+    """(slope, intercept) of the highest line under all points, |slope| <= 100 ppm; ns in, sorted by time.
+
+    The line that minimises the summed distance is the edge of the lower convex hull above the mean time. A short span
+    says nothing about a slope: there it is zero.
+    """
+    slope = 0.0
+    if points[-1][0] - points[0][0] >= _SLOPE_SPAN_NS:
+        hull = _lower_hull(points)
+        middle = sum(t for t, _ in points) / len(points)
+        right = next(i for i in range(1, len(hull)) if hull[i][0] >= middle or i == len(hull) - 1)
+        (t0, y0), (t1, y1) = hull[right - 1], hull[right]
+        slope = min(MAX_SLOPE, max(-MAX_SLOPE, (y1 - y0) / (t1 - t0)))
+    return slope, min(y - slope * t for t, y in points)
+
+
+def host_times_s(
+    timestamp_low_us: npt.NDArray[np.uint32], host_time_s: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """A recording's packet times (N,) [s] on the host's wall clock, freed of the delay jitter; see NicClock.
+
+    Uses the whole recording at once: the envelope of each stretch between resets of the NIC's clock. A single wrong
+    stamp of either clock moves no other packet. Where the host's time is nan the result is nan.
+    """
+    result = np.full(len(host_time_s), np.nan)
+    if not len(result):
+        return result
+    # A difference of uint32 wraps as the counter does; read as int32 it is signed.
+    steps_us = np.diff(timestamp_low_us.astype(np.uint32)).view(np.int32).astype(np.int64)
+    offset_s = host_time_s - host_time_s[0] - np.concatenate([[0], np.cumsum(steps_us)]) * 1e-6
+    resets = np.flatnonzero(np.abs(np.diff(_median_of_five(offset_s))) > _RESET_NS * 1e-9) + 1
+    for stretch in np.split(np.arange(len(host_time_s)), resets):
+        if len(stretch) and np.all(np.isfinite(host_time_s[stretch])):
+            nic_us = np.concatenate([[0], np.cumsum(steps_us[stretch[:-1]])])
+            result[stretch] = _mapped_s(nic_us * 1e-6, host_time_s[stretch])
+    return result
+
+
+def _mapped_s(nic_s: npt.NDArray[np.float64], host_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    offset_ns = (host_s - host_s[0] - nic_s) * 1e9
+    order = np.argsort(nic_s, kind="stable")
+    order = order[_plausible(offset_ns[order])]
+    points = list(zip((nic_s[order] * 1e9).tolist(), offset_ns[order].tolist(), strict=True))
+    slope, intercept_ns = envelope(points)
+    mapped: npt.NDArray[np.float64] = host_s[0] + nic_s * (1 + slope) + intercept_ns * 1e-9
+    return mapped
+
+
+def _median_of_five(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Keeps steps where they are and removes what is wrong in at most two values in a row."""
+    padded = np.pad(values, 2, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+
+
+def _plausible(offset_ns: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """False where a packet seems to have come long before the fastest of those around it: one of its stamps is wrong.
+
+    Fast packets are common, so that the fastest twentieth of a block lies close together.
+    """
+    floors = [
+        np.full(len(block), np.sort(block)[min(len(block) - 1, max(1, len(block) // 20))])
+        for block in np.array_split(offset_ns, max(1, len(offset_ns) // _BLOCK))
+    ]
+    return np.asarray(offset_ns >= np.concatenate(floors) - _MAX_LEAD_NS)
+
+
+def _lower_hull(points: list[Point]) -> list[Point]:
+    hull: list[Point] = []
+    for t, y in points:
+        if hull and t == hull[-1][0]:
+            if y >= hull[-1][1]:
+                continue
+            hull.pop()
+        while len(hull) >= 2 and _above(hull[-2], hull[-1], (t, y)):
+            hull.pop()
+        hull.append((t, y))
+    return hull
+
+
+def _above(first: Point, middle: Point, last: Point) -> bool:
+    return (middle[1] - first[1]) * (last[0] - first[0]) >= (last[1] - first[1]) * (middle[0] - first[0])

@@ -1,0 +1,252 @@
+"""Log files of the 802.11n CSI Tool and of drivers patched from it, read whole and decoded in groups of one shape."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from csi_bridge.parser import HEADER, LAYOUTS, body_shape
+from csi_bridge.payload import payload_bytes, unpack
+from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, SUBCARRIERS, CsiError, row_antennas
+
+Shape = tuple[int, int, int]
+"""layout, n_rx, n_tx"""
+_MAX_CSI_BODY: Final = LAYOUTS[-1] + payload_bytes(MAX_ANTENNAS, MAX_ANTENNAS)
+
+
+class DatFileError(ValueError):
+    """The file cannot be read as a CSI log; the message names it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CsiLog:
+    """All CSI records of a log, N of them, in file order."""
+
+    path: Path
+    csi: npt.NDArray[np.complex64]
+    """(N, 30, antennas, max n_tx), receive antennas A, B, C up to the last one used; zero for those a record lacks."""
+    layout: npt.NDArray[np.uint8]
+    n_rx: npt.NDArray[np.uint8]
+    n_tx: npt.NDArray[np.uint8]
+    timestamp_low_us: npt.NDArray[np.uint32]
+    bfee_count: npt.NDArray[np.uint16]
+    rssi: npt.NDArray[np.uint8]
+    """(N, 3), antennas A, B, C in dB before AGC."""
+    noise_dbm: npt.NDArray[np.int8]
+    agc: npt.NDArray[np.uint8]
+    rate: npt.NDArray[np.uint16]
+    host_time_s: npt.NDArray[np.float64]
+    """Wall time of the host; nan in layout 20."""
+    mac: npt.NDArray[np.str_]
+    """Sender as `00:21:6A:53:89:D2`; empty in layout 20."""
+    frame_count: npt.NDArray[np.int64]
+    """-1 in layouts 20 and 34."""
+    mpdu_count: int
+    unknown_count: int
+    """Records of other codes."""
+    malformed_count: int
+    """Records whose lengths contradict each other, or what follows them."""
+    skipped_bytes: int
+    """Passed over to find the next record where a length could not be trusted."""
+    truncated_bytes: int
+    """Of a record cut off by the end of the file: normal, the logger writes whole pages."""
+
+    def __len__(self) -> int:
+        return len(self.layout)
+
+
+@dataclass(slots=True, eq=False)
+class _Frames:
+    groups: dict[Shape, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+    """(record number, offset of the body) of each shape."""
+    mpdu: int = 0
+    unknown: int = 0
+    malformed: int = 0
+    skipped_bytes: int = 0
+    truncated_bytes: int = 0
+
+    def count(self, code: int) -> None:
+        """One more frame that is no sound CSI record."""
+        self.malformed += code == CSI_CODE
+        self.mpdu += code == MPDU_CODE
+        self.unknown += code not in (CSI_CODE, MPDU_CODE)
+
+
+def read_dat(path: str | Path) -> CsiLog:
+    """Raises DatFileError for a file that is missing, unreadable, empty or no CSI log."""
+    path = Path(path)
+    data = _content(path)
+    frames = _frames(data)
+    count = sum(map(len, frames.groups.values()))
+    # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
+    if count == 0 and frames.mpdu <= frames.malformed + frames.unknown:
+        raise DatFileError(f"{path}: not a CSI log ({count} CSI records in {len(data)} bytes)")
+    return _decode(path, np.frombuffer(data, np.uint8), frames, count)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DatFileError(f"{path}: {error.strerror}") from None
+    if not data:
+        raise DatFileError(f"{path}: empty file")
+    return data
+
+
+def _frames(data: bytes) -> _Frames:
+    """Goes from length to length; where one leads to no record, on to the next CSI record there is."""
+    view, found = memoryview(data), _Frames()
+    records: list[tuple[Shape, int]] = []
+    start = 0
+    while len(view) - start > 2:
+        end = _end(view, start)
+        shape = _csi_shape(view, start)
+        if shape is not None:
+            records.append((shape, start))
+            start = end
+        elif _leads_on(view, end):
+            found.count(code=view[start + 2] if end - start > 2 else CSI_CODE)
+            start = end
+        elif end > len(view) and _leads_on(view, start) and _next_csi(data, start + 1) == len(view):
+            break  # cut off by the end of the file
+        else:
+            start, resumed = _search(data, start, records)
+            found.malformed += 1
+            found.skipped_bytes += resumed - start
+            start = resumed
+    found.truncated_bytes = len(view) - start
+    for number, (shape, at) in enumerate(records):
+        found.groups[shape].append((number, at + 3))
+    return found
+
+
+def _end(view: memoryview, start: int) -> int:
+    return start + 2 + (view[start] << 8 | view[start + 1])
+
+
+def _csi_shape(view: memoryview, start: int) -> Shape | None:
+    """Shape of a sound and whole CSI record at `start`: so many lengths agree in it that it is no accident."""
+    end = _end(view, start)
+    if view[start + 2] != CSI_CODE or end > len(view):
+        return None
+    try:
+        return body_shape(view[start + 3 : end])
+    except CsiError:
+        return None
+
+
+def _is_cut_csi(view: memoryview, start: int) -> bool:
+    """Whether what is there of a record that the file's end cuts off is sound."""
+    size = _end(view, start) - start - 3
+    body = bytes(view[start + 3 :])
+    if len(body) < HEADER.size:
+        return size <= _MAX_CSI_BODY
+    try:
+        body_shape(body.ljust(size, b"\0"))
+    except CsiError:
+        return False
+    return True
+
+
+def _search(data: bytes, start: int, records: list[tuple[Shape, int]]) -> tuple[int, int]:
+    """Where the damage at `start` begins and where the next record does, or the file ends.
+
+    It may have begun in the record before, whose length was then wrong in a way that it agreed with all others: that is
+    shown by a record that begins inside it, or by its layout, and it is taken out.
+    """
+    view = memoryview(data)
+    if not records or _end(view, records[-1][1]) != start:
+        return start, _next_csi(data, start + 1)
+    (shape, before), *earlier = records[:-3:-1]
+    resumed = _next_csi(data, before + 1)
+    neighbour = _csi_shape(view, resumed) if resumed < len(view) else earlier[0][0] if earlier else shape
+    if resumed < start or (neighbour is not None and neighbour[0] != shape[0]):
+        records.pop()
+        return before, resumed
+    return start, resumed
+
+
+def _next_csi(data: bytes, start: int) -> int:
+    """Where the first CSI record at or behind `start` is; the length of `data` where there is none."""
+    view, at = memoryview(data), start
+    while (code_at := data.find(CSI_CODE, at + 2)) >= 0:
+        at = code_at - 2
+        if _csi_shape(view, at) is not None:
+            return at
+        at += 1
+    return len(data)
+
+
+def _leads_on(view: memoryview, start: int, frames: int = 2) -> bool:
+    """Whether frames of known codes stand at `start`, or the file ends there. One code alone may be an accident."""
+    if len(view) - start < 3:
+        return start <= len(view)
+    end = _end(view, start)
+    code = view[start + 2]
+    if code == CSI_CODE and end > start + 2:
+        return _csi_shape(view, start) is not None or (end > len(view) and _is_cut_csi(view, start))
+    if frames == 0 or end > len(view):
+        return code == MPDU_CODE and end > start + 2
+    return _leads_on(view, end, frames - 1)
+
+
+def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int) -> CsiLog:
+    max_tx = max((n_tx for _, _, n_tx in frames.groups), default=1)
+    header = np.zeros((count, 38), np.uint8)
+    layouts = np.zeros(count, np.uint8)
+    csi = np.zeros((count, SUBCARRIERS, MAX_ANTENNAS, max_tx), np.complex64)
+    antennas = 1
+    for (layout, n_rx, n_tx), places in frames.groups.items():
+        number, offset = np.array(places).T
+        heads = data[offset[:, np.newaxis] + np.arange(layout)]
+        header[number, :layout] = heads
+        layouts[number] = layout
+        size = int(heads[0, 16]) | int(heads[0, 17]) << 8
+        values = unpack(data[offset[:, np.newaxis] + layout + np.arange(size)], n_rx, n_tx)
+        for selection in np.unique(heads[:, 15]):
+            chosen = heads[:, 15] == selection
+            for row, antenna in enumerate(row_antennas(int(selection), n_rx)):
+                csi[number[chosen], :, antenna, :n_tx] = values[chosen, :, row]
+                antennas = max(antennas, antenna + 1)
+    stamped = layouts >= 34
+    return CsiLog(
+        path=path,
+        csi=np.ascontiguousarray(csi[:, :, :antennas]),
+        layout=layouts,
+        n_rx=header[:, 8],
+        n_tx=header[:, 9],
+        timestamp_low_us=_column(header, 0, "<u4").astype(np.uint32),
+        bfee_count=_column(header, 4, "<u2").astype(np.uint16),
+        rssi=header[:, 10:13],
+        noise_dbm=header[:, 13].view(np.int8),
+        agc=header[:, 14],
+        rate=_column(header, 18, "<u2").astype(np.uint16),
+        host_time_s=np.where(stamped, _column(header, 20, "<u4") + _column(header, 24, "<u4") * 1e-6, np.nan),
+        mac=_macs(header[:, 28:34], stamped),
+        frame_count=np.where(layouts == 38, _column(header, 34, "<u4").astype(np.int64), -1),
+        mpdu_count=frames.mpdu,
+        unknown_count=frames.unknown,
+        malformed_count=frames.malformed,
+        skipped_bytes=frames.skipped_bytes,
+        truncated_bytes=frames.truncated_bytes,
+    )
+
+
+def _column(header: npt.NDArray[np.uint8], at: int, dtype: str) -> npt.NDArray[np.unsignedinteger]:
+    size = np.dtype(dtype).itemsize
+    column: npt.NDArray[np.unsignedinteger] = np.ascontiguousarray(header[:, at : at + size]).view(dtype)[:, 0]
+    return column
+
+
+def _macs(rows: npt.NDArray[np.uint8], stamped: npt.NDArray[np.bool_]) -> npt.NDArray[np.str_]:
+    unique, inverse = np.unique(rows, axis=0, return_inverse=True)
+    names = np.array([row.tobytes().hex(":").upper() for row in unique], dtype="<U17")
+    if not len(names):
+        return np.zeros(0, "<U17")
+    return np.where(stamped, names[inverse], "").astype("<U17")

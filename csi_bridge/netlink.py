@@ -1,0 +1,161 @@
+"""The kernel's netlink connector (AF_NETLINK, protocol 11): what the patched iwlwifi driver reports through.
+
+Joining a connector group needs root (CAP_NET_ADMIN), and so does sending to one.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+from dataclasses import replace
+from typing import Final
+
+from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.records import CsiError
+from csi_bridge.source import SourceCounters
+
+DEFAULT_CONNECTOR_IDX: Final = 26
+"""26 on kernels 4.x, 25 on old ones."""
+_NETLINK_CONNECTOR: Final = 11
+_SOL_NETLINK: Final = 270
+_NETLINK_ADD_MEMBERSHIP: Final = 1
+_SO_RCVBUFFORCE: Final = 33
+_KERNEL_PORT_ID: Final = 0
+_DATAGRAM_BYTES: Final = 8192
+
+
+class NetlinkError(OSError):
+    """The connector cannot be opened or written; the message says what it needs."""
+
+
+class NetlinkSource:
+    """CSI records of the driver on one connector index.
+
+    With `require_kernel_sender` a message of any other process is counted and dropped: root processes may send to the
+    group too. Raises NetlinkError where the connector is not there or not permitted.
+    """
+
+    def __init__(
+        self,
+        connector_idx: int = DEFAULT_CONNECTOR_IDX,
+        require_kernel_sender: bool = True,
+        receive_buffer_bytes: int = 1 << 20,
+    ) -> None:
+        self._idx = connector_idx
+        self._kernel_only = require_kernel_sender
+        self._counters = SourceCounters()
+        self._socket = _open()
+        try:
+            self._socket.setsockopt(_SOL_NETLINK, _NETLINK_ADD_MEMBERSHIP, connector_idx)
+        except OSError as error:
+            self._socket.close()
+            raise _refusal(f"joining connector group {connector_idx}", error) from None
+        _grow(self._socket, receive_buffer_bytes)
+
+    @property
+    def counters(self) -> SourceCounters:
+        return self._counters
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        """See CsiSource. ENOBUFS means records were lost and the socket is fine: counted, reading goes on."""
+        records: list[tuple[int, bytes]] = []
+        for _ in range(limit):
+            try:
+                datagram, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if error.errno != errno.ENOBUFS:
+                    raise
+                self._counters = replace(self._counters, overruns=self._counters.overruns + 1)
+                continue
+            record = self._accept(datagram, sender[0])
+            if record is not None:
+                records.append(record)
+        return records
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _accept(self, datagram: bytes, sender_port_id: int) -> tuple[int, bytes] | None:
+        counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
+        record = None
+        if self._kernel_only and sender_port_id != _KERNEL_PORT_ID:
+            counters = replace(counters, refused_sender=counters.refused_sender + 1)
+        else:
+            try:
+                record = decode_message(datagram, self._idx)
+            except CsiError:
+                counters = replace(counters, malformed=counters.malformed + 1)
+        self._counters = counters
+        return record
+
+
+class NetlinkFeeder:
+    """Sends records to a connector group as the driver would: for the simulator and for tests. Needs root."""
+
+    def __init__(self, connector_idx: int = DEFAULT_CONNECTOR_IDX) -> None:
+        self._idx = connector_idx
+        self._socket = _open()
+        self.dropped = 0
+
+    def send(self, code: int, body: bytes) -> bool:
+        """False when the kernel had no room for the message. Raises NetlinkError when sending is not permitted."""
+        try:
+            self._socket.sendto(encode_message(self._idx, code, body), (_KERNEL_PORT_ID, 1 << (self._idx - 1)))
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.ENOBUFS):
+                self.dropped += 1
+                return False
+            raise _refusal(f"sending to connector group {self._idx}", error) from None
+        return True
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def connector_available(connector_idx: int = DEFAULT_CONNECTOR_IDX) -> str | None:
+    """None when records can be sent and received on this machine, else the reason why not."""
+    try:
+        source = NetlinkSource(connector_idx, require_kernel_sender=False)
+        try:
+            feeder = NetlinkFeeder(connector_idx)
+            try:
+                feeder.send(0, b"")
+            finally:
+                feeder.close()
+            return None if any(code == 0 for code, _ in source.drain()) else "the connector group does not deliver"
+        finally:
+            source.close()
+    except NetlinkError as error:
+        return error.strerror or str(error)
+
+
+def _open() -> socket.socket:
+    try:
+        opened = socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK, _NETLINK_CONNECTOR)
+    except OSError as error:
+        raise _refusal("opening the netlink connector", error) from None
+    opened.bind((0, 0))
+    return opened
+
+
+def _grow(opened: socket.socket, receive_buffer_bytes: int) -> None:
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer_bytes)
+    except PermissionError:
+        # Without CAP_NET_ADMIN the kernel caps the size at net.core.rmem_max.
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
+
+
+def _refusal(what: str, error: OSError) -> NetlinkError:
+    hint = (
+        "needs root (CAP_NET_ADMIN)"
+        if error.errno in (errno.EPERM, errno.EACCES)
+        else "needs Linux with CONFIG_CONNECTOR"
+    )
+    return NetlinkError(error.errno, f"{what}: {os.strerror(error.errno or 0)}; {hint}")

@@ -1,0 +1,136 @@
+"""Bytes to records, without I/O: one record body at a time, or a log file in pieces of any size.
+
+A log is a sequence of frames: u16 big-endian length of code and body, u8 code, body. A CSI body is little-endian:
+timestamp u32 @0, bfee_count u16 @4, n_rx u8 @8, n_tx u8 @9, rssi 3 x u8 @10, noise i8 @13, agc u8 @14, antenna_sel
+u8 @15, payload length u16 @16, rate u16 @18; then, in patched drivers, tv_sec u32 @20, tv_usec u32 @24, MAC @28 and
+frame_count u32 @34; then the payload.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+import numpy as np
+
+from csi_bridge.payload import payload_bytes, unpack
+from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, CsiError, CsiRecord, MpduRecord, row_ranks
+
+LAYOUTS: Final = (20, 34, 38)
+HEADER: Final = struct.Struct("<IHHBBBBBbBBHH")
+STAMP: Final = struct.Struct("<II6s")
+COUNTER: Final = struct.Struct("<I")
+
+
+def parse_body(code: int, body: bytes) -> CsiRecord | MpduRecord | None:
+    """One record from its code and body; None for a code that is neither CSI nor MPDU. Raises CsiError."""
+    if code == MPDU_CODE:
+        return MpduRecord(bytes(body))
+    if code != CSI_CODE:
+        return None
+    layout, n_rx, n_tx = body_shape(body)
+    fields = HEADER.unpack_from(body)
+    stamp_us, count, _, _, _, rssi_a, rssi_b, rssi_c, noise, agc, antenna_sel, _, rate = fields
+    payload = np.frombuffer(body, np.uint8, offset=layout)[np.newaxis]
+    csi = np.empty((30, n_rx, n_tx), np.complex64)
+    csi[:, row_ranks(antenna_sel, n_rx)] = unpack(payload, n_rx, n_tx)[0]
+    host_time_ns, mac, frame_count = _stamp(body, layout)
+    return CsiRecord(
+        timestamp_low_us=stamp_us,
+        bfee_count=count,
+        n_rx=n_rx,
+        n_tx=n_tx,
+        rssi=(rssi_a, rssi_b, rssi_c),
+        noise_dbm=noise,
+        agc=agc,
+        antenna_sel=antenna_sel,
+        rate=rate,
+        csi=csi,
+        layout=layout,
+        host_time_ns=host_time_ns,
+        mac=mac,
+        frame_count=frame_count,
+    )
+
+
+def body_shape(body: bytes | memoryview) -> tuple[int, int, int]:
+    """(layout, n_rx, n_tx) of a CSI body, every length in it checked. Raises CsiError."""
+    if len(body) < HEADER.size:
+        raise CsiError(f"CSI body of {len(body)} bytes, expected at least {HEADER.size}")
+    n_rx, n_tx = body[8], body[9]
+    if not (1 <= n_rx <= MAX_ANTENNAS and 1 <= n_tx <= MAX_ANTENNAS):
+        raise CsiError(f"CSI of {n_rx} x {n_tx} antennas, expected 1..{MAX_ANTENNAS} each")
+    length = body[16] | body[17] << 8
+    if length != payload_bytes(n_rx, n_tx):
+        raise CsiError(f"payload of {length} bytes, expected {payload_bytes(n_rx, n_tx)} for {n_rx} x {n_tx} antennas")
+    layout = len(body) - length
+    if layout not in LAYOUTS:
+        raise CsiError(f"header of {layout} bytes, expected one of {LAYOUTS}")
+    return layout, n_rx, n_tx
+
+
+def frame_at(data: bytes | bytearray | memoryview, start: int) -> tuple[int, int] | None:
+    """(code, end) of the frame at `start`; None where more bytes are needed. Raises CsiError for length 0."""
+    if len(data) - start < 2:
+        return None
+    length = data[start] << 8 | data[start + 1]
+    if length == 0:
+        raise CsiError("record length 0, expected at least 1", start)
+    end = start + 2 + length
+    return None if end > len(data) else (data[start + 2], end)
+
+
+class CsiLogParser:
+    """A log in pieces: `feed` bytes, take records with `next_record` until it returns None.
+
+    A broken record raises CsiError once and is skipped: the next call goes on behind it.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._start = 0
+        self._offset = 0
+        self.unknown_count = 0
+        """Records of other codes, skipped."""
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes fed of a record whose end has not arrived."""
+        return len(self._buffer) - self._start
+
+    def feed(self, data: bytes) -> None:
+        del self._buffer[: self._start]
+        self._start = 0
+        self._buffer += data
+
+    def next_record(self) -> tuple[int, CsiRecord | MpduRecord] | None:
+        """(offset of the record in all bytes fed, record), or None for "need more". Raises CsiError."""
+        while True:
+            offset = self._offset
+            try:
+                frame = frame_at(self._buffer, self._start)
+                if frame is None:
+                    return None
+                code, end = frame
+                body = bytes(self._buffer[self._start + 3 : end])
+                self._advance(end)
+                record = parse_body(code, body)
+            except CsiError as error:
+                if offset == self._offset:
+                    self._advance(self._start + 2)
+                raise CsiError(error.reason, offset) from None
+            if record is not None:
+                return offset, record
+            self.unknown_count += 1
+
+    def _advance(self, end: int) -> None:
+        self._offset += end - self._start
+        self._start = end
+
+
+def _stamp(body: bytes, layout: int) -> tuple[int | None, bytes | None, int | None]:
+    if layout == 20:
+        return None, None, None
+    seconds, microseconds, mac = STAMP.unpack_from(body, 20)
+    frame_count = COUNTER.unpack_from(body, 34)[0] if layout == 38 else None
+    return seconds * 1_000_000_000 + microseconds * 1000, mac, frame_count

@@ -1,0 +1,47 @@
+"""The packed CSI payload: 30 subcarriers, each 3 bits of padding and then int8 real, int8 imaginary per antenna pair
+(receive antenna outer, transmit antenna inner), least significant bit first (read_bfee.c of the 802.11n CSI Tool).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from csi_bridge.records import SUBCARRIERS
+
+_PADDING_BITS = 3
+
+
+def payload_bytes(n_rx: int, n_tx: int) -> int:
+    """Bytes of a payload: (30 * (n_rx * n_tx * 16 + 3) + 7) // 8."""
+    return (SUBCARRIERS * (n_rx * n_tx * 16 + _PADDING_BITS) + 7) // 8
+
+
+def unpack(payload: npt.NDArray[np.uint8], n_rx: int, n_tx: int) -> npt.NDArray[np.complex64]:
+    """Payloads (N, payload_bytes) uint8 -> (N, 30, n_rx, n_tx) complex64 in payload row order."""
+    index, shift = _positions(n_rx * n_tx)
+    low = payload[:, index] >> shift
+    # A shift by 8 of a uint8 is 0, as wanted where a value sits on a byte boundary.
+    high = (payload[:, index + 1].astype(np.uint16) << (8 - shift)).astype(np.uint8)
+    values = np.ascontiguousarray((low | high).view(np.int8), np.float32)
+    return values.view(np.complex64).reshape(len(payload), SUBCARRIERS, n_rx, n_tx)
+
+
+def pack(csi: npt.NDArray[np.complex64]) -> bytes:
+    """Inverse of `unpack` for one int8-valued (30, n_rx, n_tx) array in payload row order; padding bits are zero."""
+    n_rx, n_tx = csi.shape[1:]
+    values = np.ascontiguousarray(csi).view(np.float32).astype(np.int8).view(np.uint8)
+    padded = np.zeros((SUBCARRIERS, _PADDING_BITS + 16 * n_rx * n_tx), np.uint8)
+    padded[:, _PADDING_BITS:] = np.unpackbits(values.reshape(SUBCARRIERS, -1), axis=1, bitorder="little")
+    packed = np.packbits(padded.reshape(-1), bitorder="little").tobytes()
+    assert len(packed) == payload_bytes(n_rx, n_tx)
+    return packed
+
+
+@lru_cache(maxsize=16)
+def _positions(pairs: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.uint8]]:
+    subcarrier, value = np.divmod(np.arange(SUBCARRIERS * pairs * 2), pairs * 2)
+    bit = subcarrier * (pairs * 16 + _PADDING_BITS) + _PADDING_BITS + value * 8
+    return bit // 8, (bit % 8).astype(np.uint8)

@@ -1,0 +1,35 @@
+"""Where live CSI comes from: the kernel's netlink connector, or a Unix socket with the same bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class SourceCounters:
+    """What a source has seen since it was opened."""
+
+    datagrams: int = 0
+    """Read from the socket, whatever was in them."""
+    malformed: int = 0
+    """No connector message of our channel."""
+    refused_sender: int = 0
+    """Not sent by the kernel although that was demanded."""
+    overruns: int = 0
+    """Times the kernel reported that it had to drop records."""
+
+
+class CsiSource(Protocol):
+    """A non-blocking source of record bodies, for `loop.add_reader(source.fileno(), ...)`."""
+
+    @property
+    def counters(self) -> SourceCounters: ...
+
+    def fileno(self) -> int: ...
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        """At most `limit` (code, body) pairs; reads until the socket is empty otherwise. Never blocks."""
+        ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,102 @@
+"""The connector's bytes over a Unix datagram socket: for machines where the netlink connector is not permitted."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.records import CsiError
+from csi_bridge.source import SourceCounters
+
+UNIX_CONNECTOR_IDX: Final = 26
+"""The connector index written into messages on a Unix socket, where there are no groups."""
+_DATAGRAM_BYTES: Final = 8192
+
+
+class UnixSocketError(OSError):
+    """The socket path cannot be used; the message names it."""
+
+
+class UnixSource:
+    """CSI records sent to the socket at `path`, which is made here and removed by `close`.
+
+    A socket file that nobody listens on is taken over. Raises UnixSocketError.
+    """
+
+    def __init__(self, path: str | Path, receive_buffer_bytes: int = 1 << 20) -> None:
+        self._path = Path(path)
+        self._counters = SourceCounters()
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
+        try:
+            remove_stale(self._path)
+            self._socket.bind(str(self._path))
+        except OSError as error:
+            self._socket.close()
+            raise UnixSocketError(
+                error.errno, f"cannot make the CSI socket {self._path}: {error.strerror or error}"
+            ) from None
+
+    @property
+    def counters(self) -> SourceCounters:
+        return self._counters
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        """See CsiSource. A Unix socket never overruns: the sender is refused instead."""
+        records: list[tuple[int, bytes]] = []
+        for _ in range(limit):
+            try:
+                datagram = self._socket.recv(_DATAGRAM_BYTES)
+            except BlockingIOError:
+                break
+            self._counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
+            try:
+                records.append(decode_message(datagram, UNIX_CONNECTOR_IDX))
+            except CsiError:
+                self._counters = replace(self._counters, malformed=self._counters.malformed + 1)
+        return records
+
+    def close(self) -> None:
+        self._socket.close()
+        self._path.unlink(missing_ok=True)
+
+
+class UnixFeeder:
+    """Sends records to a UnixSource. There may be no listener yet, or none any more: such records are dropped."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = str(path)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self.dropped = 0
+
+    def send(self, code: int, body: bytes) -> bool:
+        """False when nobody listens or the listener's buffer is full."""
+        try:
+            self._socket.sendto(encode_message(UNIX_CONNECTOR_IDX, code, body), self._path)
+        except (BlockingIOError, ConnectionRefusedError, FileNotFoundError):
+            self.dropped += 1
+            return False
+        return True
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def remove_stale(path: Path) -> None:
+    """Remove the socket file of a process that is gone. Raises UnixSocketError when one listens on it."""
+    if not path.is_socket():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
+            return
+    raise UnixSocketError(errno.EADDRINUSE, "it is in use by another process")

@@ -1,0 +1,261 @@
+"""The MAVSDK edge against the mock autopilot in a process of its own, over real UDP.
+
+Nothing here depends on the mock's timing beyond what PX4 itself promises.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+
+import pytest
+
+from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.autopilot.port import AutopilotError
+from companion.clock import NS_PER_S, MonotonicClock, Ticker
+from companion.messages import FlightMode, Setpoint
+from companion.sim.px4_process import Px4Process
+
+_CLOCK = MonotonicClock()
+_OPTIONS = ("--param", "COM_DISARM_LAND=0.5", "--param", "COM_OBL_RC_ACT=5")
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def px4(port: int, tmp_path: Path) -> Iterator[Px4Process]:
+    with Px4Process(port, tmp_path, *_OPTIONS) as process:
+        yield process
+
+
+@pytest.fixture
+async def autopilot(px4: Px4Process, port: int) -> AsyncIterator[MavsdkAutopilot]:
+    edge = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", _CLOCK)
+    await edge.connect()
+    yield edge
+    await edge.aclose()
+
+
+@contextlib.asynccontextmanager
+async def _streaming(autopilot: MavsdkAutopilot, v_enu_m_s: tuple[float, float, float]) -> AsyncIterator[None]:
+    """A 20 Hz stream of set points that start where the vehicle is and move with `v_enu_m_s`."""
+    start_m, start_ns = autopilot.state().p_local_enu_m, _CLOCK.now_ns()
+    assert start_m is not None
+
+    async def stream() -> None:
+        async for now_ns in Ticker(_CLOCK, 20).ticks():
+            t_s = (now_ns - start_ns) / NS_PER_S
+            x, y, z = (p + v * t_s for p, v in zip(start_m, v_enu_m_s, strict=True))
+            autopilot.send_setpoint(Setpoint(now_ns, (x, y, z), v_enu_m_s, 1.0))
+
+    task = asyncio.create_task(stream())
+    await asyncio.sleep(0.3)
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def _fly(autopilot: MavsdkAutopilot) -> None:
+    await autopilot.arm()
+    await autopilot.takeoff(1.5)
+
+
+async def test_a_whole_flight(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
+    await _fly(autopilot)
+    hovering = autopilot.state()
+    assert hovering.mode is FlightMode.HOLD and hovering.armed and hovering.in_air
+    assert hovering.p_local_enu_m is not None and abs(hovering.p_local_enu_m[2] - 1.5) < 0.3
+    assert hovering.battery_remaining == pytest.approx(0.95)
+
+    async with _streaming(autopilot, (0.5, 0.3, 0.1)):
+        await autopilot.request_offboard()
+        began_ns = _CLOCK.now_ns()
+        await asyncio.sleep(4)
+        flown = autopilot.state()
+        truth = px4.report()
+        assert flown.mode is FlightMode.OFFBOARD and truth.mode == "OFFBOARD"
+        rate_hz = truth.setpoints_in_offboard / truth.offboard_s
+        print(f"{rate_hz:.2f} set points/s in OFFBOARD, largest gap {1000 * truth.largest_gap_s:.0f} ms")
+        assert 18 <= rate_hz <= 22
+        assert truth.largest_gap_s < 0.15
+        # East, North, Up and the yaw arrive as they were sent, though NED was spoken on the wire.
+        elapsed_s = (_CLOCK.now_ns() - began_ns) / NS_PER_S
+        assert truth.v_enu_m_s == pytest.approx((0.5, 0.3, 0.1), abs=0.05)
+        assert flown.p_local_enu_m == pytest.approx(truth.p_enu_m, abs=0.1)
+        assert flown.v_local_enu_m_s == pytest.approx(truth.v_enu_m_s, abs=0.05)
+        assert truth.p_enu_m[0] == pytest.approx(0.5 * elapsed_s, abs=0.5)
+        assert flown.yaw_enu_rad == pytest.approx(1.0, abs=0.02)
+        assert truth.yaw_enu_rad == pytest.approx(1.0, abs=0.02)
+        await autopilot.hold()
+        assert autopilot.state().mode is FlightMode.HOLD
+        await autopilot.request_offboard()
+
+    # PX4 would go back to OFFBOARD after a landing straight out of it; the edge leaves the mode on the way.
+    assert autopilot.state().mode is FlightMode.OFFBOARD
+    await autopilot.land()
+    assert autopilot.state().mode is FlightMode.LAND
+    landed = await asyncio.to_thread(px4.wait_until, lambda report: not report.armed, 15.0)
+    assert landed.landed and landed.mode == "HOLD" and landed.largest_gap_s < 0.15
+    assert landed.timesync_answers > 0 and landed.peer_heartbeats > 0
+
+
+async def test_a_set_point_is_sent_once_and_never_when_not_a_number(
+    autopilot: MavsdkAutopilot, px4: Px4Process
+) -> None:
+    for _ in range(10):
+        autopilot.send_setpoint(Setpoint(_CLOCK.now_ns(), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0))
+    await asyncio.sleep(1.0)
+    with pytest.raises(AutopilotError, match="not finite"):
+        autopilot.send_setpoint(Setpoint(_CLOCK.now_ns(), (0.0, math.nan, 1.0), (0.0, 0.0, 0.0), 0.0))
+    await asyncio.sleep(0.1)
+    assert px4.report().setpoints == 10
+
+
+async def test_offboard_is_refused_without_a_stream(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
+    await _fly(autopilot)
+    began_s = time.monotonic()
+    with pytest.raises(AutopilotError, match="mode is hold, its last answer was temporarily rejected"):
+        await autopilot.request_offboard()
+    assert time.monotonic() - began_s < 3.3
+    px4.order("offboard silent")
+    async with _streaming(autopilot, (0.0, 0.0, 0.0)):
+        with pytest.raises(AutopilotError, match="its last answer was nothing"):
+            await autopilot.request_offboard()
+    assert px4.order("offboard accept").mode == "HOLD"
+    await asyncio.sleep(1.0)
+    assert px4.report().mode == "HOLD", "a request outlived its caller"
+
+
+async def test_a_pilot_is_seen_and_given_way_to(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
+    await _fly(autopilot)
+    async with _streaming(autopilot, (0.0, 0.0, 0.0)):
+        await autopilot.request_offboard()
+        await asyncio.sleep(0.5)
+        taken_ns = px4.order("pilot POSCTL").t_mono_ns
+        while autopilot.state().mode is FlightMode.OFFBOARD:  # noqa: ASYNC110 - the port is polled
+            await asyncio.sleep(0.002)
+        noticed_s = (_CLOCK.now_ns() - taken_ns) / NS_PER_S
+        print(f"the pilot's mode was noticed after {1000 * noticed_s:.0f} ms")
+        assert autopilot.state().mode is FlightMode.MANUAL
+        assert noticed_s < 0.2
+        # A request that is under way when the pilot takes the mode is not repeated against the pilot.
+        px4.order("offboard silent")
+        request = asyncio.create_task(autopilot.request_offboard())
+        await asyncio.sleep(0.1)
+        px4.order("pilot ALTCTL")
+        px4.order("pilot HOLD")
+        with pytest.raises(AutopilotError, match="somebody else decided"):
+            await request
+    assert px4.report().mode == "HOLD"
+
+
+async def test_silence_of_the_autopilot_shows_in_the_age_of_its_heartbeat(
+    autopilot: MavsdkAutopilot, px4: Px4Process
+) -> None:
+    px4.order("mute everything")
+    await asyncio.sleep(1.5)
+    state = autopilot.state()
+    assert state.heartbeat_mono_ns is not None and state.position_mono_ns is not None
+    assert state.t_mono_ns - state.heartbeat_mono_ns > 1.4 * NS_PER_S
+    assert state.t_mono_ns - state.position_mono_ns > 1.4 * NS_PER_S
+    px4.order("mute nothing")
+    await asyncio.sleep(1.2)
+    time.sleep(1.0)  # noqa: ASYNC251 - a stalled event loop must not make telemetry look old, nor fresh
+    state = autopilot.state()
+    assert state.position_mono_ns is not None
+    assert state.t_mono_ns - state.position_mono_ns < 0.1 * NS_PER_S
+
+
+async def test_parameters(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
+    assert await autopilot.parameter("COM_OBL_RC_ACT") == 5
+    assert await autopilot.parameter("COM_OF_LOSS_T") == pytest.approx(1.0)
+    with pytest.raises(AutopilotError, match="NO_SUCH"):
+        await autopilot.parameter("NO_SUCH")
+
+
+async def test_bad_connections_are_one_clear_error(port: int) -> None:
+    nobody = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", _CLOCK)
+    with pytest.raises(AutopilotError, match="no heartbeat"):
+        await nobody.connect(timeout_s=0.5)
+    with pytest.raises(AutopilotError, match="not connected"):
+        nobody.send_setpoint(Setpoint(0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0))
+    with pytest.raises(AutopilotError, match="expected udpin"):
+        await MavsdkAutopilot("nonsense", _CLOCK).connect()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", port))
+        with pytest.raises(AutopilotError, match="taken by another process"):
+            await nobody.connect()
+
+
+_CLIENT = textwrap.dedent(
+    """
+    import asyncio, sys
+    from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+    from companion.clock import MonotonicClock, Ticker
+    from companion.messages import Setpoint
+
+    async def main(url, task):
+        clock = MonotonicClock()
+        autopilot = MavsdkAutopilot(url, clock)
+        await autopilot.connect()
+        if task == "close":
+            await autopilot.aclose()
+            await autopilot.aclose()
+        if task != "stream":
+            return
+        await autopilot.arm()
+        await autopilot.takeoff(1.5)
+        request = None
+        async for now_ns in Ticker(clock, 20).ticks():
+            autopilot.send_setpoint(Setpoint(now_ns, (0.0, 0.0, 1.5), (0.0, 0.0, 0.0), 0.0))
+            request = request or asyncio.create_task(autopilot.request_offboard())
+
+    asyncio.run(main(*sys.argv[1:]))
+    """
+)
+
+
+def _client(port: int, task: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", _CLIENT, f"udpin://127.0.0.1:{port}", task]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+@pytest.mark.parametrize("task", ["close", "leave"])
+def test_process_exits_cleanly_and_silently(px4: Px4Process, port: int, task: str) -> None:
+    """Closed or not: no native crash at exit, and none of the library's log lines on standard output."""
+    with _client(port, task) as client:
+        output, _ = client.communicate(timeout=20)
+        assert (client.returncode, output) == (0, "")
+
+
+def test_kill_of_a_streaming_process_ends_the_stream_and_leaves_px4_to_its_failsafe(px4: Px4Process, port: int) -> None:
+    with _client(port, "stream") as client:
+        px4.wait_until(lambda report: report.setpoints_in_offboard > 20, 20)
+        client.send_signal(signal.SIGKILL)
+        killed_ns = time.monotonic_ns()
+        client.communicate()
+    report = px4.wait_until(lambda report: report.failsafe, 3)
+    assert report.last_setpoint_mono_ns is not None
+    late_s = (report.last_setpoint_mono_ns - killed_ns) / NS_PER_S
+    print(f"last set point {1000 * late_s:.0f} ms after the kill; failsafe {report.mode}")
+    assert late_s < 0.2
+    assert report.mode == "HOLD" and (report.t_mono_ns - report.last_setpoint_mono_ns) / NS_PER_S >= 1.0
+    time.sleep(0.5)
+    assert px4.report().setpoints == report.setpoints

@@ -1,0 +1,135 @@
+"""The main job, whole: the demo as a person runs it, and the same cast when its service is killed in mid flight."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from companion.control import ask
+from companion.errors import CompanionError
+from companion.log_reader import read_log
+from companion.sim import truth
+from companion.sim.stage import Cast, set_stage
+from companion.sim.truth import WorldTruth
+from companion.streams import STREAMS
+from companion.unix_datagram import bind_datagram_socket
+
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[subprocess.CompletedProcess[str], Path]:
+    """One `companion demo` from start to rendezvous."""
+    out = tmp_path_factory.mktemp("demo")
+    command = [sys.executable, "-m", "companion", "demo", "--seed", str(SEED), "--out", str(out)]
+    done = subprocess.run(
+        [*command, "--json", str(out / "result.json")], capture_output=True, text=True, timeout=360, check=False
+    )
+    return done, out
+
+
+def test_the_drone_reaches_the_ground_robot(finished: tuple[subprocess.CompletedProcess[str], Path]) -> None:
+    done, out = finished
+    print(done.stdout)
+    assert done.returncode == 0, done.stdout + done.stderr
+    result: dict[str, Any] = json.loads((out / "result.json").read_text())
+    assert result["reached"]
+    assert result["closest_m"] <= 2.0
+    assert result["flight_s"] < 240
+    assert result["mean_error_deg"] < 15
+    errors = [row["error_deg"] for row in result["rows"] if row["error_deg"] is not None]
+    assert len(errors) >= 8
+    assert sum(errors) / len(errors) == pytest.approx(result["mean_error_deg"])
+    for row in result["rows"]:
+        assert 0.9 < row["length_m"] < 2.5
+        assert row["packets"] > 80
+        assert 0 < row["crb_deg"] < 5
+
+
+def test_set_points_came_at_20_hertz_and_only_for_offboard(
+    finished: tuple[subprocess.CompletedProcess[str], Path],
+) -> None:
+    result = json.loads((finished[1] / "result.json").read_text())
+    print(f"{result['mean_setpoint_rate_hz']:.2f} set points a second in offboard flight")
+    assert 18 <= result["mean_setpoint_rate_hz"] <= 22
+    # PX4 wants to see the stream before it grants OFFBOARD; none came after leaving it.
+    assert result["setpoints_before_offboard"] <= 40
+    assert result["setpoints_after_offboard"] == 0
+
+
+def test_it_leaves_a_log_and_two_pictures(finished: tuple[subprocess.CompletedProcess[str], Path]) -> None:
+    out = finished[1]
+    for name in ("flight.png", "profile.png"):
+        assert (out / name).read_bytes().startswith(b"\x89PNG")
+    topics = {message.topic for message in read_log(out / "log.mcap", {stream.topic for stream in STREAMS})}
+    # The gate speaks only when it refuses, which a quiet flight need not see.
+    assert topics | {"/gate"} == {stream.topic for stream in STREAMS}
+
+
+def test_a_time_limit_ends_it_without_success(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "companion", "demo", "--max-time", "2", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
+    assert done.returncode == 1
+    assert "no rendezvous within 2 s" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+async def test_after_kill_9_no_set_point_comes_and_no_process_stays(tmp_path: Path) -> None:
+    """Over the Unix socket, so that both transports are flown by this file where netlink is permitted."""
+    with tempfile.TemporaryDirectory(prefix="companion-") as name:
+        stage = set_stage(Path(name), tmp_path, SEED, use_netlink=False)
+        truths: list[WorldTruth] = []
+        with bind_datagram_socket(stage.truth_socket) as sock:
+            async with Cast(stage, tmp_path) as cast:
+                await _until(lambda status: not status["not_ready"], stage.control_socket)
+                assert (await ask(stage.control_socket, "engage"))["ok"]
+                await _until(lambda status: status["state"] == "approaching", stage.control_socket)
+                listening = asyncio.create_task(_listen(sock, truths))
+                pid = cast.pid("uav")
+                children = _children(pid)
+                assert children
+                os.kill(pid, signal.SIGKILL)
+                await asyncio.sleep(0.2)
+                before = truths[-1]
+                assert before.vehicle.mode == "OFFBOARD"
+                await asyncio.sleep(2.0)
+                after = truths[-1]
+                listening.cancel()
+                assert after.vehicle.setpoints == before.vehicle.setpoints
+                assert after.vehicle.mode != "OFFBOARD"  # the autopilot's own failsafe
+                assert not any(map(_is_alive, children))
+
+
+async def _until(condition: Callable[[dict[str, Any]], bool], control: Path) -> None:
+    async with asyncio.timeout(90):
+        while True:
+            await asyncio.sleep(0.1)
+            try:
+                if condition(await ask(control, "status")):
+                    return
+            except CompanionError:
+                continue
+
+
+def _children(pid: int) -> list[str]:
+    return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+
+
+def _is_alive(pid: str) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
+async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
+    while True:
+        truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))

@@ -1,0 +1,55 @@
+"""The mock autopilot as a process: its options, its truth datagrams and its end."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from companion.sim import truth
+from companion.sim.px4_process import Px4Process
+from companion.unix_datagram import bind_datagram_socket
+
+
+def _unused_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_truth_is_sent_at_100_hz_and_a_missing_receiver_does_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "truth.sock"
+    with Px4Process(_unused_port(), tmp_path, "--truth", str(path), "--yaw", "0.5") as px4:
+        time.sleep(0.2)
+        for _ in range(2):  # the receiver goes and comes back
+            with bind_datagram_socket(path) as receiver:
+                receiver.settimeout(2)
+                states = [truth.decode_vehicle(receiver.recv(4096)) for _ in range(51)]
+            spacing_s = (states[-1].t_mono_ns - states[0].t_mono_ns) / 50e9
+            assert spacing_s == pytest.approx(0.01, abs=0.002)
+            assert states[0].yaw_enu_rad == 0.5 and states[0].mode == "HOLD" and not states[0].armed
+            path.unlink()
+        assert px4.report().setpoints == 0
+
+
+def test_an_order_it_does_not_know_is_an_error(tmp_path: Path) -> None:
+    with Px4Process(_unused_port(), tmp_path) as px4, pytest.raises(ValueError, match="order 'dance'"):
+        px4.order("dance")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--connect", "14540"], "expected HOST:PORT"),
+        (["--connect", "127.0.0.1:1", "--param", "NO_SUCH=1"], "expected NAME=VALUE"),
+        ([], "--connect"),
+    ],
+)
+def test_bad_options_are_usage_errors(options: list[str], said: str) -> None:
+    command = [sys.executable, "-m", "companion.sim.px4", *options]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert result.returncode == 2 and said in result.stderr

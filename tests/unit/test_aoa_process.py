@@ -1,0 +1,99 @@
+"""The AOA worker as a real process: it answers, and when it hangs or dies it is replaced and the request refused."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from companion.aoa_process import AoaProcess
+from companion.aoa_wire import AoaResult, profile_power
+from wsr.aperture import Aperture, make_aperture
+from wsr.channel import wavelength_m
+from wsr.estimators import ESTIMATORS
+from wsr.geometry import direction
+
+LAMBDA_M = wavelength_m(108)
+
+
+def aperture(azimuth_rad: float = 0.7, polar_rad: float = 1.4) -> Aperture:
+    s = np.linspace(0, 1, 300)
+    p_m = np.stack([s, 0.2 * np.sin(6 * s), 0.2 * np.cos(6 * s)], axis=1)
+    phase = 4 * np.pi / LAMBDA_M * (p_m @ direction(azimuth_rad, polar_rad))
+    return make_aperture(s, p_m, np.exp(1j * phase), LAMBDA_M)
+
+
+class Client:
+    def __init__(self, timeout_s: float) -> None:
+        self.results: asyncio.Queue[AoaResult] = asyncio.Queue()
+        self.process = AoaProcess("bartlett", timeout_s, self.results.put_nowait)
+
+    async def ask(self) -> AoaResult:
+        self.process.submit(2, aperture())
+        async with asyncio.timeout(60):
+            return await self.results.get()
+
+
+@asynccontextmanager
+async def client(timeout_s: float) -> AsyncIterator[Client]:
+    started = Client(timeout_s)
+    task = asyncio.create_task(started.process.run())
+    try:
+        async with asyncio.timeout(120):
+            await started.process.ready.wait()
+        yield started
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+def workers() -> list[int]:
+    """Process ids of our children that are AOA workers."""
+    own = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split()
+    return [int(pid) for pid in own if b"aoa_worker" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+
+async def test_an_aperture_gives_the_same_estimate_as_in_process() -> None:
+    async with client(timeout_s=10) as asking:
+        result = await asking.ask()
+        (pid,) = workers()
+        assert os.getpriority(os.PRIO_PROCESS, pid) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
+    estimate, profile = ESTIMATORS["bartlett"]().estimate(aperture())
+    assert result.estimate == estimate
+    np.testing.assert_allclose(profile_power(result), profile.power, atol=1e-3)
+    assert workers() == []
+
+
+async def test_a_killed_worker_is_replaced() -> None:
+    async with client(timeout_s=10) as asking:
+        assert (await asking.ask()).estimate is not None
+        (pid,) = workers()
+        os.kill(pid, signal.SIGKILL)
+        refused = await asking.ask()
+        assert refused.refusal == "the AOA worker died"
+        assert (await asking.ask()).estimate is not None
+        assert asking.process.restarts == 1
+
+
+async def test_a_hanging_worker_is_replaced_in_time() -> None:
+    async with client(timeout_s=0.5) as asking:
+        (pid,) = workers()
+        os.kill(pid, signal.SIGSTOP)
+        refused = await asking.ask()
+        assert refused.refusal == "the AOA worker did not answer in time"
+        assert (await asking.ask()).estimate is not None
+        assert pid not in workers()
+
+
+async def test_a_backlog_drops_the_oldest_request() -> None:
+    results: list[AoaResult] = []
+    process = AoaProcess("bartlett", 1, results.append, waiting=2)
+    ids = [process.submit(2, aperture()) for _ in range(3)]
+    assert [(result.id, result.refusal) for result in results] == [(ids[0], "the AOA worker is behind")]
+    assert process.dropped == 1

@@ -1,0 +1,143 @@
+"""The NIC clock against simulated crystals: drift, wraps, resets and one-sided delays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from csi_bridge.clock import NicClock, envelope, host_times_s
+
+WRAP_US = 1 << 32
+
+
+def run(
+    start_us: int, skew: float, seed: int = 1, seconds: float = 60.0, rate_hz: float = 250.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """True reception times [ns], time stamps [us] and when the host read them [ns], late by 0.1 ms and up to 20 ms."""
+    rng = np.random.default_rng(seed)
+    true_ns = np.cumsum(rng.exponential(1e9 / rate_hz, int(seconds * rate_hz))) + 5e12
+    stamps_us = (start_us + np.round((true_ns - true_ns[0]) * 1e-3 * (1 + skew)).astype(np.int64)) % WRAP_US
+    delay_ns = 1e5 + rng.exponential(2e5, len(true_ns)) + (rng.random(len(true_ns)) < 0.02) * rng.uniform(0, 2e7)
+    return true_ns, stamps_us, true_ns + delay_ns
+
+
+@pytest.mark.parametrize("skew", [0.0, 40e-6, -40e-6, 95e-6])
+@pytest.mark.parametrize("start_us", [1000, WRAP_US - 20_000_000])
+def test_delay_jitter_is_removed(skew: float, start_us: int) -> None:
+    true_ns, stamps_us, read_ns = run(start_us, skew)
+    clock = NicClock()
+    mapped_ns = np.array([clock.update(int(s), int(t)) for s, t in zip(stamps_us, read_ns, strict=True)])
+    assert np.all(mapped_ns <= read_ns)
+    assert clock.resets == 0
+    # The constant 0.1 ms is not observable; what is left of the rest is small against the 2.7 ms between packets.
+    late_ns = (mapped_ns - true_ns - 1e5)[2000:]
+    assert np.abs(late_ns).max() < 60e3
+    assert np.abs((read_ns - true_ns - 1e5)[2000:]).max() > 5e6
+
+
+def test_a_reset_of_the_counter_starts_over() -> None:
+    true_ns, stamps_us, read_ns = run(3_000_000_000, 20e-6)
+    half = len(stamps_us) // 2
+    stamps_us[half:] -= stamps_us[half] - 17
+    clock = NicClock()
+    mapped_ns = np.array([clock.update(int(s), int(t)) for s, t in zip(stamps_us, read_ns, strict=True)])
+    assert clock.resets == 1
+    assert np.abs(mapped_ns - true_ns - 1e5)[half + 1000 :].max() < 100e3
+
+
+def test_records_slightly_out_of_order_are_no_wrap() -> None:
+    clock = NicClock()
+    first = clock.update(50, 1_000_000_000)
+    earlier = clock.update(WRAP_US - 950, 1_000_500_000)
+    assert clock.resets == 0
+    assert earlier == first - 1_000_000
+
+
+def test_slope_is_limited_and_needs_a_span() -> None:
+    assert envelope([(0.0, 5.0)]) == (0.0, 5.0)
+    assert envelope([(0.0, 0.0), (1e9, 50e3)]) == (0.0, 0.0)
+    slope, intercept = envelope([(0.0, 0.0), (5e9, 200e3), (10e9, 400e3)])
+    assert (slope, intercept) == pytest.approx((40e-6, 0.0), abs=1e-9)
+    assert envelope([(0.0, 0.0), (10e9, 400e6)])[0] == 100e-6
+
+
+def test_whole_recordings_at_once() -> None:
+    true_ns, stamps_us, read_ns = run(WRAP_US - 5_000_000, -30e-6)
+    mapped_s = host_times_s(stamps_us.astype(np.uint32), read_ns * 1e-9)
+    assert np.abs(mapped_s - true_ns * 1e-9 - 1e-4).max() < 60e-6
+
+
+def test_recordings_without_host_time_have_no_host_times() -> None:
+    stamps_us = np.arange(5, dtype=np.uint32)
+    assert np.all(np.isnan(host_times_s(stamps_us, np.full(5, np.nan))))
+    assert len(host_times_s(stamps_us[:0], np.zeros(0))) == 0
+
+
+@pytest.mark.parametrize("wrong_s", [0.3, -0.3, -0.02, 0.7, -0.7, 1000.0])
+@pytest.mark.parametrize("clock", ["host", "nic"])
+def test_single_wrong_stamps_move_no_other_packet(wrong_s: float, clock: str) -> None:
+    _, stamps_us, read_ns = run(WRAP_US - 5_000_000, -30e-6, seconds=20.0)
+    stamps_us, host_s = stamps_us.astype(np.int64), read_ns * 1e-9
+    wrong = np.array([0, 7, 1000, 1001, 2500, len(host_s) - 1])
+    before_s = host_times_s(stamps_us.astype(np.uint32), host_s)
+    if clock == "host":
+        host_s[wrong] += wrong_s
+    else:
+        stamps_us[wrong] = (stamps_us[wrong] + round(wrong_s * 1e6)) % WRAP_US
+    after_s = host_times_s(stamps_us.astype(np.uint32), host_s)
+    moved_s = np.abs(np.delete(after_s - before_s, wrong))
+    assert moved_s.max() < 1e-4
+
+
+def test_a_wrong_stamp_in_a_short_recording() -> None:
+    host_s, stamps_us = np.asarray(np.arange(6) * 0.01 + 50.0, np.float64), np.arange(6, dtype=np.uint32) * 10_000
+    wrong_s = host_s.copy()
+    wrong_s[2] -= 0.3
+    assert host_times_s(stamps_us.astype(np.uint32), wrong_s) == pytest.approx(host_s, abs=1e-6)
+
+
+def test_a_wrong_stamp_does_not_cut_a_recording_in_two() -> None:
+    host_s, stamps_us = np.asarray(np.arange(300) * 0.01 + 50.0, np.float64), np.arange(300) * 10_000
+    read_s = host_s.copy()
+    # Alone, the late packets at the end would not show that they are late.
+    read_s[-6:] += 0.01
+    read_s[-6] += 1000.0
+    assert host_times_s(stamps_us.astype(np.uint32), read_s) == pytest.approx(host_s, abs=1e-6)
+
+
+@pytest.mark.parametrize(("jump_us", "resets"), [(499_000, 0), (-499_000, 0), (501_000, 1), (-501_000, 1)])
+def test_half_a_second_of_disagreement_is_a_reset(jump_us: int, resets: int) -> None:
+    clock = NicClock()
+    clock.update(5_000_000, 7_000_000_000)
+    mapped_ns = clock.update(5_010_000 + jump_us, 7_010_000_000)
+    assert clock.resets == resets
+    if resets:
+        assert mapped_ns == 7_010_000_000
+    stamps_us = np.arange(400) * 10_000 + jump_us * (np.arange(400) >= 200)
+    host_s = np.asarray(np.arange(400) * 0.01 + 100.0, np.float64)
+    mapped_s = host_times_s((stamps_us % WRAP_US).astype(np.uint32), host_s)
+    # Without a reset the whole recording has one line, so that a jump shows; with one each part has its own.
+    assert (np.abs(mapped_s - host_s).max() < 1e-6) == (resets == 1)
+
+
+def test_nothing_is_remembered_over_a_reset() -> None:
+    clock = NicClock()
+    # The first packets came early by what later ones were late.
+    for n in range(100):
+        clock.update(1_000_000 + 100_000 * n, 9_000_000_000 + 100_000_000 * n - (50_000_000 if n == 50 else 0))
+    assert clock.update(17, 90_000_000_000) == 90_000_000_000
+    assert clock.resets == 1
+    assert clock.update(100_017, 90_100_000_000) == 90_100_000_000
+
+
+def test_recordings_slightly_out_of_order() -> None:
+    true_ns, stamps_us, read_ns = run(3_000_000_000, 60e-6, seconds=30.0)
+    order = np.argsort(np.arange(len(true_ns)) + 60 * (np.arange(len(true_ns)) % 50 == 0), kind="stable")
+    host_s = read_ns * 1e-9
+    mapped_s = host_times_s(stamps_us[order].astype(np.uint32), host_s[order])
+    assert np.any(np.diff(stamps_us[order]) < 0)
+    assert mapped_s == pytest.approx(host_times_s(stamps_us.astype(np.uint32), host_s)[order], abs=1e-9)
+    # Enough of them to be no single wrong stamps: a step back is a step back, not a wrap.
+    halves = np.concatenate([np.arange(3500, 3600), np.arange(3400, 3500)])
+    mapped_s = host_times_s(stamps_us[halves].astype(np.uint32), host_s[halves])
+    assert mapped_s - true_ns[halves] * 1e-9 == pytest.approx(np.full(200, 1e-4), abs=2e-4)

@@ -1,0 +1,175 @@
+"""The parser against hand-made bytes and a bit-by-bit reading of the payload."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from csi_bridge.encoder import EncodeError, encode_body, encode_file_record
+from csi_bridge.parser import CsiLogParser, parse_body
+from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord, row_antennas, row_ranks
+from tests.csi_records import MAC, record, same
+
+
+def read_bits(payload: bytes, n_rx: int, n_tx: int) -> list[complex]:
+    """The payload as a plain stream of bits: 3 skipped per subcarrier, then two int8 per antenna pair."""
+    number = int.from_bytes(payload, "little")
+    values, at = [], 0
+    for _ in range(30):
+        at += 3
+        for _ in range(n_rx * n_tx):
+            real, imag = (struct.unpack("b", bytes([number >> at + part & 0xFF]))[0] for part in (0, 8))
+            values.append(complex(real, imag))
+            at += 16
+    return values
+
+
+def stock_body(n_rx: int, n_tx: int, antenna_sel: int, payload: bytes) -> bytes:
+    head = struct.pack("<IHH", 123_456_789, 321, 0) + bytes([n_rx, n_tx, 41, 33, 20]) + struct.pack("b", -90)
+    return head + bytes([35, antenna_sel]) + struct.pack("<HH", len(payload), 0x1234) + payload
+
+
+@pytest.mark.parametrize(("n_rx", "n_tx", "size"), [(1, 1, 72), (2, 1, 132), (3, 1, 192), (3, 2, 372), (3, 3, 552)])
+def test_payload_is_read_as_the_bits_stand(n_rx: int, n_tx: int, size: int) -> None:
+    payload = np.random.default_rng(n_rx * 4 + n_tx).bytes(size)
+    parsed = parse_body(CSI_CODE, stock_body(n_rx, n_tx, 0b100100, payload))
+    assert isinstance(parsed, CsiRecord)
+    assert parsed.csi.reshape(-1).tolist() == read_bits(payload, n_rx, n_tx)
+    assert (parsed.timestamp_low_us, parsed.bfee_count, parsed.rate) == (123_456_789, 321, 0x1234)
+    assert (parsed.rssi, parsed.noise_dbm, parsed.agc) == ((41, 33, 20), -90, 35)
+    assert (parsed.layout, parsed.host_time_ns, parsed.mac, parsed.frame_count) == (20, None, None, None)
+
+
+def test_rows_are_put_in_antenna_order() -> None:
+    payload = np.random.default_rng(5).bytes(192)
+    rows = np.array(read_bits(payload, 3, 1)).reshape(30, 3)
+    parsed = parse_body(CSI_CODE, stock_body(3, 1, 0b00_10_01, payload))
+    assert isinstance(parsed, CsiRecord)
+    # The first payload row was received by antenna B, the second by C, the third by A.
+    assert np.array_equal(parsed.csi[:, :, 0], rows[:, [2, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("antenna_sel", "n_rx", "antennas", "ranks"),
+    [
+        (0b100100, 3, (0, 1, 2), (0, 1, 2)),
+        (0b000110, 3, (2, 1, 0), (2, 1, 0)),
+        (0b010101, 3, (0, 1, 2), (0, 1, 2)),  # three times antenna B cannot be
+        (0b111001, 3, (0, 1, 2), (0, 1, 2)),  # there is no fourth antenna
+        (0b011000, 2, (0, 2), (0, 1)),
+        (0b000010, 2, (2, 0), (1, 0)),
+        (0b000001, 1, (1,), (0,)),
+    ],
+)
+def test_antenna_selection(antenna_sel: int, n_rx: int, antennas: tuple[int, ...], ranks: tuple[int, ...]) -> None:
+    assert row_antennas(antenna_sel, n_rx) == antennas
+    assert row_ranks(antenna_sel, n_rx) == ranks
+
+
+@pytest.mark.parametrize("layout", [34, 38])
+def test_patched_headers_follow_the_stock_one(layout: int) -> None:
+    payload = np.random.default_rng(1).bytes(192)
+    stock = stock_body(3, 1, 0b100100, payload)
+    extra = struct.pack("<II6sI", 1_624_840_302, 99_000, MAC, 4_000_000_001)[: layout - 20]
+    parsed = parse_body(CSI_CODE, stock[:20] + extra + payload)
+    assert isinstance(parsed, CsiRecord)
+    assert parsed.csi.reshape(-1).tolist() == read_bits(payload, 3, 1)
+    assert (parsed.layout, parsed.mac) == (layout, MAC)
+    assert parsed.host_time_ns == 1_624_840_302_099_000_000
+    assert parsed.frame_count == (4_000_000_001 if layout == 38 else None)
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "reason"),
+    [(8, 0, "0 x 1 antennas"), (8, 4, "4 x 1 antennas"), (9, 200, "3 x 200"), (16, 191, "payload of 191 bytes")],
+)
+def test_contradicting_lengths_are_refused(at: int, value: int, reason: str) -> None:
+    body = bytearray(stock_body(3, 1, 0b100100, bytes(192)))
+    body[at] = value
+    with pytest.raises(CsiError, match=reason):
+        parse_body(CSI_CODE, bytes(body))
+
+
+@pytest.mark.parametrize("size", [191, 193])
+def test_a_payload_of_the_wrong_size_is_refused_even_where_the_lengths_agree(size: int) -> None:
+    with pytest.raises(CsiError, match=f"payload of {size} bytes, expected 192"):
+        parse_body(CSI_CODE, stock_body(3, 1, 0b100100, bytes(size)))
+
+
+@pytest.mark.parametrize("header", [19, 21, 33, 35, 36, 37, 39])
+def test_headers_that_no_driver_writes_are_refused(header: int) -> None:
+    body = stock_body(3, 1, 0b100100, bytes(192))
+    longer = body[:20] + bytes(max(0, header - 20)) + body[20:] if header > 20 else body[:-1]
+    with pytest.raises(CsiError, match=f"header of {header} bytes"):
+        parse_body(CSI_CODE, longer)
+
+
+@pytest.mark.parametrize("size", [0, 19, 20, 211, 213, 225])
+def test_bodies_of_wrong_size_are_refused(size: int) -> None:
+    with pytest.raises(CsiError):
+        parse_body(
+            CSI_CODE,
+            stock_body(3, 1, 0b100100, bytes(300))[:16] + struct.pack("<HH", 192, 0) + bytes(size - 20)
+            if size >= 20
+            else bytes(size),
+        )
+
+
+def test_other_codes() -> None:
+    assert parse_body(MPDU_CODE, b"frame") == MpduRecord(b"frame")
+    assert parse_body(0x42, b"whatever") is None
+
+
+def test_log_in_pieces_with_errors_in_between() -> None:
+    good = encode_body(record())
+    broken = encode_file_record(CSI_CODE, good[:-1])
+    log = [
+        encode_file_record(MPDU_CODE, b"abc"),
+        encode_file_record(CSI_CODE, good),
+        broken,
+        b"\x00\x00",
+        encode_file_record(0x42, b"skipped"),
+        encode_file_record(CSI_CODE, good),
+        encode_file_record(CSI_CODE, good)[:50],
+    ]
+    starts = np.cumsum([0, *map(len, log)]).tolist()
+    parser, records, errors = CsiLogParser(), [], []
+    for byte in b"".join(log):
+        parser.feed(bytes([byte]))
+        try:
+            while (item := parser.next_record()) is not None:
+                records.append(item)
+        except CsiError as error:
+            errors.append(error.offset)
+    assert [offset for offset, _ in records] == [starts[0], starts[1], starts[5]]
+    assert errors == [starts[2], starts[3]]
+    assert (parser.unknown_count, parser.pending_bytes) == (1, 50)
+
+
+def test_reads_what_the_encoder_wrote() -> None:
+    for layout in (20, 34, 38):
+        parsed = parse_body(CSI_CODE, encode_body(record(layout=layout)))
+        assert isinstance(parsed, CsiRecord)
+        assert same(parsed, record(layout=layout))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"layout": 21}, "layout 21"),
+        ({"n_rx": 2}, "shape"),
+        ({"csi": np.full((30, 3, 1), 128, np.complex64)}, "-128..127"),
+        ({"csi": np.full((30, 3, 1), 0.5, np.complex64)}, "whole"),
+        ({"csi": np.full((30, 3, 1), np.nan, np.complex64)}, "whole"),
+        ({"mac": b"short"}, "MAC"),
+        ({"frame_count": None}, "frame_count"),
+        ({"agc": 256}, "does not fit"),
+        ({"frame_count": 1 << 32}, "does not fit"),
+    ],
+)
+def test_encoder_refuses_what_no_card_reports(change: dict[str, object], reason: str) -> None:
+    with pytest.raises(EncodeError, match=reason):
+        encode_body(replace(record(), **change))  # type: ignore[arg-type]

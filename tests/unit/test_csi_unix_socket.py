@@ -1,0 +1,79 @@
+"""CSI over a real Unix socket."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.encoder import encode_body
+from csi_bridge.records import CSI_CODE, CsiError
+from csi_bridge.source import CsiSource
+from csi_bridge.unix_socket import UnixFeeder, UnixSocketError, UnixSource
+from tests.csi_records import record
+
+
+def test_records_arrive_in_order_and_drain_is_limited(tmp_path: Path) -> None:
+    source: CsiSource = UnixSource(tmp_path / "csi")
+    feeder = UnixFeeder(tmp_path / "csi")
+    bodies = [encode_body(record(seed=seed)) for seed in range(5)]
+    assert all(feeder.send(CSI_CODE, body) for body in bodies)
+    assert source.drain(limit=2) == [(CSI_CODE, body) for body in bodies[:2]]
+    assert source.drain() == [(CSI_CODE, body) for body in bodies[2:]]
+    assert source.drain() == []
+    assert source.counters.datagrams == 5
+    feeder.close()
+    source.close()
+    assert not (tmp_path / "csi").exists()
+
+
+def test_garbage_is_counted(tmp_path: Path) -> None:
+    source = UnixSource(tmp_path / "csi")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+        for datagram in (b"", b"x" * 36, b"x" * 100, encode_message(26, CSI_CODE, b"abc")[:-1]):
+            sender.sendto(datagram, str(tmp_path / "csi"))
+    assert source.drain() == []
+    assert (source.counters.datagrams, source.counters.malformed) == (4, 4)
+    source.close()
+
+
+def test_feeder_without_listener_drops(tmp_path: Path) -> None:
+    feeder = UnixFeeder(tmp_path / "csi")
+    assert feeder.send(CSI_CODE, b"early") is False
+    source = UnixSource(tmp_path / "csi")
+    sent = sum(feeder.send(CSI_CODE, bytes(500)) for _ in range(100_000))
+    assert 0 < sent < 100_000
+    assert feeder.dropped == 100_001 - sent
+    received = 0
+    while batch := source.drain():
+        received += len(batch)
+    assert received == sent
+    source.close()
+    feeder.close()
+
+
+def test_stale_socket_is_taken_over_and_a_live_one_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "csi"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as dead:
+        dead.bind(str(path))
+    source = UnixSource(path)
+    with pytest.raises(UnixSocketError, match="in use"):
+        UnixSource(path)
+    source.close()
+
+
+def test_unusable_path_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UnixSocketError, match="nowhere"):
+        UnixSource(tmp_path / "nowhere" / "csi")
+
+
+def test_connector_message_layout() -> None:
+    message = encode_message(26, 0xBB, b"body")
+    assert message[:4] == (41).to_bytes(4, "little")
+    assert message[16:20] == (26).to_bytes(4, "little")
+    assert message[36:] == b"\xbbbody"
+    assert decode_message(message, 26) == (0xBB, b"body")
+    with pytest.raises(CsiError, match="index 26, expected 25"):
+        decode_message(message, 25)

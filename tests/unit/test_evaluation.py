@@ -1,0 +1,83 @@
+"""The evaluation: what is counted, what is left out, and the figures, on runs of known truth and on recorded ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from companion.cli import program
+from companion.errors import CompanionError
+from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, evaluation, risk_coverage
+from tests.synthetic_run import write_run
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "wsr_dataset_dev"
+
+
+def row(set_name: str, error_deg: float, reliability: float = 0.9, reason: str = "") -> LinkRow:
+    return LinkRow(set_name, "L1", "run", "tx2", error_deg, 0.0, 0.0, None, None, 1.0, reliability, 500, reason)
+
+
+def evaluate(*arguments: object) -> Result:
+    return CliRunner().invoke(program, ["evaluate", *map(str, arguments)], catch_exceptions=True)
+
+
+def test_figures_by_set_and_in_all() -> None:
+    rows = [row("A", 1.0), row("A", 3.0), row("A", 20.0, reliability=0.1), row("B", UNEVALUATED_DEG, 0.0, "no file")]
+    result = evaluation(rows, [], "mocap", "robust", 0.5)
+    assert (result.sets["A"].n, result.sets["A"].median_deg, result.sets["A"].mean_deg) == (3, 3.0, 8.0)
+    assert result.sets["A"].within_10 == pytest.approx(2 / 3)
+    assert result.sets["B"].mean_deg == 180.0
+    assert result.sets[ALL].n == 4
+    assert result.reliable["A"].n == 2
+    assert "B" not in result.reliable
+
+
+def test_risk_falls_with_reliability_when_it_is_honest() -> None:
+    rows = [row("A", error, 1 - error / 100) for error in (40.0, 2.0, 10.0, 4.0)]
+    coverage, risk = risk_coverage(rows)
+    np.testing.assert_allclose(coverage, [0.25, 0.5, 0.75, 1.0])
+    np.testing.assert_allclose(risk, [2.0, 3.0, 16 / 3, 14.0])
+
+
+def test_a_link_that_has_files_but_no_estimate_counts_as_180_degrees(tmp_path: Path) -> None:
+    write_run(tmp_path / "Set_X" / "L1", (4.0, 1.0, 0.8))
+    bad = write_run(tmp_path / "Set_X" / "L2", (4.0, 1.0, 0.8))
+    bad.tx.write_bytes(b"")
+    gone = write_run(tmp_path / "Set_Y" / "L3", (4.0, 1.0, 0.8))
+    gone.trajectory.unlink()
+    done = evaluate(
+        tmp_path, "--estimator", "bartlett", "--jobs", 2, "--json", tmp_path / "r.json", "--out", tmp_path / "p"
+    )
+    assert done.exit_code == 0, done.output
+    result: dict[str, Any] = json.loads((tmp_path / "r.json").read_text())
+    assert result["sets"]["Set_X"]["n"] == 2
+    errors = {link["position"]: link["error_deg"] for link in result["links"]}
+    assert errors["L1"] < 5
+    assert errors["L2"] == 180
+    assert "Set_Y" not in result["sets"]
+    assert any("trajectory" in entry["reason"] for entry in result["left_out"])
+    assert {path.suffix for path in (tmp_path / "p").iterdir()} == {".png"}
+
+
+def test_nothing_to_evaluate_is_an_error(tmp_path: Path) -> None:
+    done = evaluate(tmp_path)
+    assert isinstance(done.exception, CompanionError)
+    assert "no recorded run" in str(done.exception)
+
+
+def test_line_of_sight_with_motion_capture_stays_under_two_degrees(tmp_path: Path) -> None:
+    if not DATA.is_dir():
+        pytest.skip(f"no real captures at {DATA}")
+    for name in ("LOS_Set_A", "LOS_Set_B"):
+        done = evaluate(DATA / name, "--json", tmp_path / "r.json")
+        assert done.exit_code == 0, done.output
+        figures = json.loads((tmp_path / "r.json").read_text())["sets"][name]
+        print(name, figures)
+        assert figures["n"] == 18
+        assert figures["median_deg"] < 2.0
+        assert figures["within_10"] == 1.0

@@ -1,0 +1,62 @@
+"""Legs: as long as asked, within the limits, towards the target, and never flat."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.guidance import LegShape, plan_leg
+from companion.tracker import Bearing, TargetTracker
+
+SHAPE = LegShape(length_m=1.2, lateral_m=0.12, vertical_m=0.1, speed_m_s=0.5, acceleration_m_s2=0.8)
+
+
+@pytest.mark.parametrize("azimuth_deg", [0, 37, 90, 200, -135])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_leg_keeps_its_promises(azimuth_deg: float, side: int) -> None:
+    azimuth_rad = math.radians(azimuth_deg)
+    leg = plan_leg((1.0, -2.0, 1.5), azimuth_rad, 1.5, side, SHAPE)
+    p, v = leg.p_local_enu_m, leg.v_local_enu_m_s
+    np.testing.assert_allclose(p[0], (1.0, -2.0, 1.5), atol=1e-9)
+    advance = p[-1] - p[0]
+    assert math.atan2(advance[1], advance[0]) == pytest.approx(math.remainder(azimuth_rad, math.tau), abs=1e-6)
+    assert np.linalg.norm(np.diff(p, axis=0), axis=1).sum() == pytest.approx(1.2, abs=0.005)
+    assert np.linalg.norm(v, axis=1).max() <= 0.5 * 1.001
+    assert np.linalg.norm(np.gradient(v, leg.t_s, axis=0), axis=1).max() < 1.5
+    spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False) / math.sqrt(len(p))
+    assert spread[2] > 0.04  # metres of standard deviation along the thinnest axis
+    assert np.abs(p[:, 2] - 1.5).max() < 0.11
+
+
+def test_a_leg_returns_to_its_height() -> None:
+    leg = plan_leg((0.0, 0.0, 1.2), 0.0, 1.5, 1, SHAPE)
+    assert leg.p_local_enu_m[-1, 2] == pytest.approx(1.5)
+    assert leg.at(leg.duration_s + 5) == ((*leg.p_local_enu_m[-1],), (0.0, 0.0, 0.0))
+
+
+def bearing_to(target: np.ndarray, place: np.ndarray, t_s: float) -> Bearing:
+    x, y, z = target - place
+    return Bearing(
+        round(t_s * 1e9), tuple(place), math.atan2(y, x), math.acos(z / np.linalg.norm(target - place)), 0.001
+    )
+
+
+def test_two_places_make_a_position() -> None:
+    tracker = TargetTracker()
+    target = np.array([6.0, 3.0, 0.5])
+    assert math.isinf(tracker.add(bearing_to(target, np.array([0.0, 0.0, 1.5]), 0)).range_std_m)
+    found = tracker.add(bearing_to(target, np.array([0.0, 3.0, 1.5]), 3))
+    assert found.p_local_enu_m is not None
+    np.testing.assert_allclose(found.p_local_enu_m, target, atol=0.05)
+    assert found.range_m == pytest.approx(math.hypot(6, 1), abs=0.05)
+    assert 0 < found.range_std_m < 3.0
+
+
+def test_lines_that_cross_behind_give_no_range() -> None:
+    tracker = TargetTracker()
+    tracker.add(Bearing(0, (0.0, 0.0, 1.0), math.radians(100), math.pi / 2, 0.01))
+    found = tracker.add(Bearing(1, (1.0, 0.0, 1.0), math.radians(80), math.pi / 2, 0.01))
+    assert found.p_local_enu_m is None
+    assert math.isinf(found.range_m)

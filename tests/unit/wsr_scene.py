@@ -1,0 +1,87 @@
+"""Paths and channels for tests of `wsr`, from distances alone: no steering vector, no direction, no shared sign."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.channel import SUBCARRIERS_20MHZ
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+CsiRows = NDArray[np.complex64]
+
+WAVELENGTH_M = 299_792_458.0 / 5.540e9
+DIRECTIONS = [d for d in itertools.product((-1, 0, 1), (-1, 0, 1), (-1, 0, 1)) if any(d)]
+
+
+def weave(packets: int = 600) -> tuple[Array, Array]:
+    """Times (M,) and positions (M, 3) of a climbing loop, 0.8 m wide and 0.4 m high, away from the origin."""
+    t = np.linspace(0.0, 3.0, packets)
+    x = 0.4 * np.cos(2.0 * t) + 5.0
+    y = 0.35 * np.sin(2.3 * t) - 2.0
+    z = 0.15 * np.sin(3.1 * t + 0.4) + 0.05 * t + 1.0
+    return t, np.stack([x, y, z], axis=-1)
+
+
+def circle(packets: int = 600, radius_m: float = 0.3) -> tuple[Array, Array]:
+    """Times (M,) and positions (M, 3) once around a horizontal circle."""
+    t = np.linspace(0.0, 3.0, packets, endpoint=False)
+    turn = 2 * np.pi * t / 3.0
+    return t, radius_m * np.stack([np.cos(turn), np.sin(turn), np.zeros(packets)], axis=-1)
+
+
+def one_way(p_i: Array, p_j: Array, offset_rad: Array | float = 0.0) -> Complex:
+    """Channel h = exp(-j 2 pi d / lambda) / d over the distance d of two antennas, with an oscillator's offset."""
+    distance = np.linalg.norm(p_i - p_j, axis=-1)
+    return np.asarray(np.exp(-2j * np.pi * distance / WAVELENGTH_M + 1j * offset_rad) / distance)
+
+
+def round_trip(p_i: Array, p_j: Array, noise_rad: float = 0.0, seed: int = 0) -> Complex:
+    """Forward times reverse channel (M,); the offsets of the two carriers are random and opposite."""
+    rng = np.random.default_rng(seed)
+    packets = np.broadcast_shapes(p_i.shape, p_j.shape)[0]
+    offset = rng.uniform(-np.pi, np.pi, packets)
+    forward, reverse = one_way(p_i, p_j, offset), one_way(p_i, p_j, -offset)
+    return np.asarray(forward * reverse * np.exp(1j * noise_rad * rng.normal(size=packets)))
+
+
+def exchange(
+    p_i: Array,
+    p_j: Array,
+    noise: float = 0.05,
+    seed: int = 0,
+    echo: tuple[Array, float] | None = None,
+    offset_hz: float = 0.0,
+    t_s: Array | None = None,
+    turnaround_s: Array | None = None,
+) -> tuple[CsiRows, CsiRows]:
+    """Forward and reverse channels (M, 30) of an exchange, the second measured `turnaround_s` (M,) after the first.
+
+    Each packet has a random phase and delay of its own at either end, opposite for the two; complex noise of deviation
+    `noise` per subcarrier, of the direct path's amplitude. `echo` is the place of an image source and its amplitude.
+    """
+    rng = np.random.default_rng(seed)
+    frequency = 299_792_458.0 / WAVELENGTH_M + 312_500.0 * SUBCARRIERS_20MHZ
+    h = np.zeros((p_i.shape[0], 30), np.complex128)
+    for place, amplitude in [(p_j, 1.0), *([] if echo is None else [echo])]:
+        distance = np.linalg.norm(p_i - place, axis=-1)
+        h += amplitude * np.exp(-2j * np.pi * np.outer(distance, frequency) / 299_792_458.0)
+    packets = len(h)
+    clock = np.zeros(packets) if t_s is None else t_s
+    late = np.zeros(packets) if turnaround_s is None else turnaround_s
+    phase = rng.uniform(-np.pi, np.pi, packets)[:, None]
+    delay = rng.uniform(0.0, 1e-7, packets)[:, None] * (2 * np.pi * 312_500.0 * SUBCARRIERS_20MHZ)
+    turn = np.exp(1j * (phase - delay + 2 * np.pi * offset_hz * clock[:, None]))
+    back = np.exp(-1j * (phase - delay + 2 * np.pi * offset_hz * (clock + late)[:, None]))
+    grain = noise * (rng.normal(size=(2, 2, packets, 30)) * np.sqrt(0.5))
+    forward = turn * (h + grain[0, 0] + 1j * grain[0, 1])
+    reverse = back * (h + grain[1, 0] + 1j * grain[1, 1])
+    return forward.astype(np.complex64), reverse.astype(np.complex64)
+
+
+def far(p: Array, u: Array, distance_m: float = 20_000.0) -> Array:
+    """Position (1, 3) of a transmitter so far off the mean of p (M, 3) along u that its waves are flat."""
+    return np.asarray((p.mean(axis=0) + distance_m * u)[None, :])

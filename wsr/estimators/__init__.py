@@ -1,0 +1,33 @@
+"""Estimators by name, as config and command line choose them: `ESTIMATORS` makes one with its defaults.
+
+`bartlett` is the paper's, `robust` the default, `music` the subspace method; `far_field.FarField` reads plane waves.
+`warm_up` loads or compiles the machine code of `robust`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wsr import kernel
+from wsr.aoa import Estimator
+from wsr.aperture import Aperture
+from wsr.estimators.bartlett import Bartlett
+from wsr.estimators.music import Music
+from wsr.estimators.robust import Robust
+
+ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
+
+
+def warm_up() -> None:
+    """Load or compile all machine code that `robust` uses, so that the first real estimate is as fast as the rest."""
+    kernel.warm_up()
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.0, 1.0, 40)
+    wave = np.ones((40, 30), np.complex64) + 0.1 * rng.normal(size=(40, 30)).astype(np.complex64)
+    for height in (0.0, 0.3):
+        chi = 0.5 * np.stack([np.cos(5 * t), np.sin(5 * t), height * np.sin(9 * t)], axis=-1)
+        nic_us = np.stack([1e6 * t, 1e6 * t + rng.integers(300, 310, 40)], axis=-1)
+        aperture = Aperture(t, chi, np.ones(40, np.complex128), 0.05, (0.0, 0.0, 0.0), 0.5, wave, wave, nic_us)
+        Robust().estimate(aperture)

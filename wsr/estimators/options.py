@@ -1,0 +1,46 @@
+"""Switches and numbers of the `robust` estimator; docs/estimation.md tells what each step is for and what it gave."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class RobustOptions:
+    """A switch or number for each step. A step whose data the aperture lacks is skipped."""
+
+    jitter: bool = True
+    """Take the turnaround jitter out, by the clocks of both cards."""
+    one_way: bool = True
+    """Work on the one-way channel, not on the product."""
+    wideband: bool = True
+    """Use all subcarriers, added in power; off: the channel centre."""
+    path_bins: bool = True
+    """Equal weight for equal length of path."""
+    unit_power: bool = True
+    """Every packet has the same power; off: bounded from above."""
+    focus: bool = True
+    """Spherical waves of an unknown range; off: flat ones."""
+    delay_ns: float | None = 10.0
+    """Decay of the weight for delays against the power centroid; None: no weight."""
+    scales: tuple[int, ...] = (1, 2, 4)
+    """Numbers of sub-apertures whose scores are averaged; the first is 1, the whole."""
+    reciprocity: bool = True
+    """Drop packets whose two ends disagree."""
+    min_reciprocity: float = 0.8
+    resign: bool = True
+    """Join the pieces of a broken chain of signs as they add up; off: add them in power."""
+    gate: bool = False
+    """Drop packets that fit neither sign."""
+    far_wavelengths: float = 1 / 3
+    near_wavelengths: float = 1 / 12
+    bin_wavelengths: float = 1 / 13.5
+    ranges_m: tuple[float, ...] = (2.0, 3.5, 7.0, 30.0)
+    step_rad: float = math.radians(2.0)
+    planar_polars_rad: tuple[float, ...] = (math.radians(90.0), math.radians(76.0))
+    min_planar_polar_rad: float = math.radians(60.0)
+    refine_steps: int = 8
+    coherent_above: float = 0.8
+    power_share: float = 0.99
+    """Share of the power over subcarriers that the search uses; 1: all of it."""

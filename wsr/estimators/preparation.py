@@ -1,0 +1,101 @@
+"""From packets to bins of the path: jitter, one-way channel, signs, gates, bins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.aperture import MIN_PACKETS, Aperture
+from wsr.channel import bounded_amplitude
+from wsr.errors import ApertureError
+from wsr.estimators.options import RobustOptions
+from wsr.path_bins import Bins, path_bins
+from wsr.reciprocity import ChainLimits, chain, fold, without_delay
+from wsr.turnaround import carrier_offset_hz, jitter_s
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """Bins of the path with their channels, the wavelength of their phase, and what was left out."""
+
+    bins: Bins
+    wavelength_m: float
+    dropped: dict[str, int]
+    reciprocity: float
+    offset_hz: float
+
+
+def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
+    """From packets to bins: jitter, one-way channel, signs, gates, bins. Raises ApertureError if too little is left."""
+    channel, agreement, centre = _folded(aperture)
+    rotation, offset_hz = _rotation(aperture, centre, options)
+    clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
+    keep = np.ones(aperture.packets, np.bool_)
+    segment = np.zeros(aperture.packets, np.int64)
+    if options.reciprocity:
+        keep &= agreement > options.min_reciprocity
+    disagree = int(np.count_nonzero(~keep))
+    wavelength_m = aperture.wavelength_m
+    if options.one_way:
+        channel = without_delay(channel * np.exp(0.5j * np.angle(rotation))[:, None])
+        used = np.flatnonzero(keep)
+        limits = ChainLimits(
+            far_m=options.far_wavelengths * wavelength_m,
+            near_m=options.near_wavelengths * wavelength_m,
+            gate=options.gate,
+        )
+        sign, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits)
+        channel[used] *= sign[:, None]
+        keep[used] = fits
+        segment[used] = number
+    else:
+        channel = without_delay(_product(aperture)) * rotation[:, None]
+        wavelength_m = wavelength_m / 2
+    if not options.wideband:
+        channel = channel.mean(axis=1, keepdims=True)
+    channel = _levelled(channel, options)
+    if np.count_nonzero(keep) < MIN_PACKETS:
+        kept = f"{np.count_nonzero(keep)} of {aperture.packets} packets are consistent"
+        raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
+    length_m = options.bin_wavelengths * aperture.wavelength_m if options.path_bins else None
+    bins = path_bins(aperture.chi_m, channel, keep, segment, length_m)
+    unfit = aperture.packets - int(np.count_nonzero(keep)) - disagree
+    dropped = {"ends disagree": disagree, "phase step": unfit}
+    return Prepared(bins, wavelength_m, {k: v for k, v in dropped.items() if v}, float(np.median(agreement)), offset_hz)
+
+
+def _folded(aperture: Aperture) -> tuple[Complex, Array, Complex]:
+    """As `fold`; without both directions the root of the product, which is then all there is."""
+    if aperture.forward is not None and aperture.reverse is not None:
+        return fold(aperture.forward, aperture.reverse)
+    return np.sqrt(aperture.channel)[:, None], np.ones(aperture.packets), aperture.channel
+
+
+def _product(aperture: Aperture) -> Complex:
+    if aperture.forward is not None and aperture.reverse is not None:
+        return np.asarray(aperture.forward.astype(np.complex128) * aperture.reverse)
+    return aperture.channel[:, None]
+
+
+def _rotation(aperture: Aperture, centre: Complex, options: RobustOptions) -> tuple[Complex, float]:
+    """exp(j 2 pi df dt) (M,), which undoes the turnaround jitter, and df."""
+    if not options.jitter or aperture.nic_us is None:
+        return np.ones(aperture.packets, np.complex128), 0.0
+    ours_s = (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
+    turnaround_s = (aperture.nic_us[:, 1] - aperture.nic_us[:, 0]) * 1e-6
+    offset_hz = carrier_offset_hz(centre, turnaround_s, ours_s, aperture.wavelength_m)
+    late_s = jitter_s(turnaround_s, ours_s, offset_hz, aperture.wavelength_m)
+    return np.exp(2j * np.pi * offset_hz * late_s), offset_hz
+
+
+def _levelled(channel: Complex, options: RobustOptions) -> Complex:
+    if channel.shape[1] == 1:
+        return bounded_amplitude(channel)
+    if not options.unit_power:
+        return channel
+    return np.asarray(channel / np.sqrt((np.abs(channel) ** 2).mean(axis=1, keepdims=True) + 1e-12))

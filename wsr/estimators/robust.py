@@ -1,0 +1,197 @@
+"""The `robust` estimator: prepare the packets, search direction and range, say how sure it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.aoa import AoaEstimate, Matrix3
+from wsr.aperture import Aperture
+from wsr.estimators.options import RobustOptions
+from wsr.estimators.preparation import Prepared, prepare
+from wsr.estimators.trust import Evidence, model_error_rad, reliability
+from wsr.focus import Bounds, Focus, Look, circle_grid, look, refine, sphere_grid
+from wsr.geometry import direction, wrap_angle
+from wsr.peaks import Peak, find_peaks, mirrored
+from wsr.pictures import level_profile, look_profile, ring_peaks
+from wsr.profile import Profile
+from wsr.subapertures import SubApertures, sub_apertures
+from wsr.uncertainty import bound, phase_variance, time_correlation
+
+# A path in a plane this close to level is searched in azimuth only.
+_LEVEL_COSINE = math.cos(math.radians(30.0))
+_MIN_EXTENT_WAVELENGTHS = 0.5
+_MIN_EXTENT_SHARE = 0.03
+# An angle is observable when its bound is below this and both mirror images agree on it as closely; a range when it is
+# known to this share of itself and nearer than waves look flat.
+_OBSERVABLE_RAD = math.radians(10.0)
+_OBSERVABLE_RANGE_SHARE = 0.5
+_FAR_M = 60.0
+_PATHS = 5
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """A search over x_m (B, 3), the bins about their centroid; `level`: a horizontal plane, azimuth only."""
+
+    look: Look
+    focus: Focus
+    level: bool
+    parts: SubApertures
+    x_m: Array
+    extents_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Robust:
+    """One-way channels of all subcarriers, focused over direction and range, fused over scales of sub-apertures."""
+
+    options: RobustOptions = field(default_factory=RobustOptions)
+
+    def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
+        """The estimate and a picture: the fused score over the sphere, or, of a level path, which has no more to say
+        than its azimuths, the far-field power of the channel centre. Raises ApertureError."""
+        prepared = prepare(aperture, self.options)
+        found = find(prepared, self.options)
+        if found.level:
+            profile = level_profile(found.x_m, prepared.bins.channel.mean(axis=1), prepared.wavelength_m)
+            paths = ring_peaks(found.look, _PATHS)
+        else:
+            profile = look_profile(found.look)
+            paths = find_peaks(profile, _PATHS)
+        return _described(aperture, prepared, found, paths), profile
+
+
+def find(prepared: Prepared, options: RobustOptions) -> Found:
+    """Where the score is highest."""
+    bins, wavelength_m = prepared.bins, prepared.wavelength_m
+    x = bins.p_m - bins.p_m.mean(axis=0)
+    axes = np.linalg.svd(x.T @ x)[2]
+    extents = np.sort(np.ptp(x @ axes.T, axis=0))[::-1]
+    level = bool(
+        extents[2] < max(_MIN_EXTENT_WAVELENGTHS * wavelength_m, _MIN_EXTENT_SHARE * extents[0])
+        and abs(axes[2, 2]) > _LEVEL_COSINE
+    )
+    if level:
+        # What is left of height there is the tracker's drift.
+        x = x - np.outer(x @ axes[2], axes[2])
+    fused = sub_apertures(
+        x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share
+    )
+    grid = circle_grid(options.step_rad, options.planar_polars_rad) if level else sphere_grid(options.step_rad)
+    ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
+    seen = look(fused, grid, ranges_m, options.delay_ns)
+    at, nearest = np.unravel_index(int(np.argmax(seen.combined)), seen.combined.shape)
+    focus = refine(
+        fused,
+        (float(seen.azimuth_rad[at]), float(seen.polar_rad[at]), ranges_m[nearest]),
+        seen.peak,
+        options.step_rad,
+        wavelength_m / float(extents[0]),
+        Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds(),
+        options.delay_ns,
+        options.coherent_above,
+        options.refine_steps,
+    )
+    return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])))
+
+
+def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tuple[Peak, ...]) -> AoaEstimate:
+    focus, dimension = found.focus, aperture.dimension
+    residual = _residual_rad(found.parts, prepared.bins.segment, focus)
+    unit = bound(
+        found.x_m, prepared.wavelength_m, focus.azimuth_rad, focus.polar_rad, focus.range_m, found.level
+    ) * phase_variance(residual)
+    if dimension == 1:
+        unit = np.diag(np.full(3, math.inf))
+    evidence = Evidence(
+        coherence=math.sqrt(min(focus.coherence, 1.0)),
+        rival=paths[1].relative_power if len(paths) > 1 else 0.0,
+        packets=aperture.packets,
+        length_wavelengths=found.extents_m[0] / prepared.wavelength_m,
+    )
+    best = _reported(focus, paths)
+    image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
+    covariance = _covariance(unit, time_correlation(residual), model_error_rad(evidence), focus.polar_rad)
+    azimuth_std, polar_std, range_std = (math.sqrt(v) for v in np.diag(covariance))
+    azimuth_ok = azimuth_std < 2 * _OBSERVABLE_RAD and dimension > 1
+    polar_ok = polar_std < 2 * _OBSERVABLE_RAD and dimension > 1 and not found.level
+    if image is not None:
+        azimuth_ok &= abs(float(wrap_angle(best.azimuth_rad - image.azimuth_rad))) < _OBSERVABLE_RAD
+        polar_ok &= abs(best.polar_rad - image.polar_rad) < _OBSERVABLE_RAD
+    range_m = focus.range_m if focus.range_m is not None and focus.range_m < _FAR_M else None
+    range_ok = range_m is not None and range_std < _OBSERVABLE_RANGE_SHARE * range_m
+    weights = prepared.bins.weights / prepared.bins.weights.sum()
+    x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + weights @ aperture.chi_m)
+    return AoaEstimate(
+        azimuth_rad=best.azimuth_rad,
+        polar_rad=best.polar_rad,
+        azimuth_std_rad=azimuth_std,
+        polar_std_rad=polar_std,
+        covariance=_matrix3(covariance),
+        crb_rad=_great_circle(unit, focus.polar_rad, found.level),
+        coherence=evidence.coherence,
+        reliability=reliability(evidence),
+        azimuth_observable=azimuth_ok,
+        polar_observable=polar_ok,
+        alternatives=() if image is None else (image,),
+        packets=aperture.packets - sum(prepared.dropped.values()),
+        length_m=aperture.length_m,
+        extents_m=aperture.extents_m,
+        reference_p_m=(x, y, z),
+        reference_t_s=float(weights @ aperture.t_s),
+        range_m=range_m if range_ok else None,
+        range_std_m=range_std,
+        range_observable=range_ok,
+        paths=(best, *(p for p in paths[1:])),
+        dropped=prepared.dropped,
+    )
+
+
+def _reported(focus: Focus, paths: tuple[Peak, ...]) -> Peak:
+    """The highest peak of the look, moved to where the refinement found it."""
+    top = paths[0]
+    azimuth = float(wrap_angle(focus.azimuth_rad))
+    return Peak(azimuth, focus.polar_rad, focus.coherence, 1.0, top.prominence, top.width_rad)
+
+
+def _residual_rad(parts: SubApertures, segment: NDArray[np.int64], focus: Focus) -> Array:
+    """Phase (B,) of each bin, over all subcarriers, that direction and range leave unexplained."""
+    x = parts.x.T.astype(np.float64)
+    u = direction(focus.azimuth_rad, focus.polar_rad)
+    r = None if focus.range_m is None else focus.range_m / parts.wavelength_m
+    path = -(x @ u) if r is None else np.linalg.norm(r * u - x, axis=1) - r
+    turned = (parts.h[0] + 1j * parts.h[1]).T * np.exp(2j * math.pi * path)[:, None]
+    starts = np.flatnonzero(np.diff(segment, prepend=-1))
+    pieces = np.add.reduceat(turned, starts, axis=0)
+    total = np.zeros(turned.shape[1], np.complex128)
+    for piece in pieces[np.argsort(-np.linalg.norm(pieces, axis=1))]:
+        total = total + (piece if np.vdot(total, piece).real >= 0 else -piece)
+    sign = np.where((pieces @ total.conj()).real < 0, -1.0, 1.0)
+    matched = (turned @ total.conj()) * np.repeat(sign, np.diff(np.append(starts, len(segment))))
+    return np.asarray(np.angle(matched))
+
+
+def _great_circle(unit: Array, polar_rad: float, level: bool) -> float:
+    """Bound as an angle on the sphere; along the circle of azimuths where only these were searched."""
+    polar = 0.0 if level and math.isfinite(unit[0, 0]) else float(unit[1, 1])
+    return math.sqrt(polar + math.sin(polar_rad) ** 2 * float(unit[0, 0]))
+
+
+def _covariance(unit: Array, inflation: float, model_rad: float, polar_rad: float) -> Array:
+    """Bound at the noise seen, times its correlation in time, plus what the model misses on top of it."""
+    result = unit * inflation
+    result[0, 0] += (model_rad / max(math.sin(polar_rad), 1e-6)) ** 2
+    result[1, 1] += model_rad**2
+    return np.asarray(result)
+
+
+def _matrix3(matrix: Array) -> Matrix3:
+    a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in matrix)
+    return a, b, c

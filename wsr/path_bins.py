@@ -1,0 +1,65 @@
+"""Bins along the path, so that every stretch of it has the same weight, however slowly it was travelled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.kernel import compiled
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bins:
+    """p_m (B, 3) mean positions, channel (B, S) mean channels, counts (B,) packets, segment (B,) of the chain of signs,
+    weights (M,) of the packets: 1 / count of their bin, 0 where dropped."""
+
+    p_m: Array
+    channel: Complex
+    counts: NDArray[np.int64]
+    segment: NDArray[np.int64]
+    weights: Array
+
+
+def path_bins(
+    p_m: Array, channel: Complex, keep: NDArray[np.bool_], segment: NDArray[np.int64], length_m: float | None
+) -> Bins:
+    """Means over runs of kept packets that stay within `length_m` of the run's first, or of single packets if None.
+
+    A run never spans two segments. The noise of a standing robot, which would otherwise be most of the aperture, is
+    averaged here, coherently.
+    """
+    used = np.flatnonzero(keep)
+    p, h, part = p_m[used], channel[used], segment[used]
+    run = np.arange(used.size) if length_m is None else _runs(np.ascontiguousarray(p), length_m)
+    starts = np.flatnonzero((np.diff(run, prepend=-1) != 0) | (np.diff(part, prepend=-1) != 0))
+    counts = np.diff(np.append(starts, used.size))
+    weights = np.zeros(len(p_m))
+    weights[used] = np.repeat(1.0 / counts, counts)
+    scale = 1.0 / counts[:, None]
+    return Bins(
+        np.add.reduceat(p, starts, axis=0) * scale,
+        np.asarray(np.add.reduceat(h, starts, axis=0) * scale, np.complex128),
+        counts,
+        part[starts],
+        weights,
+    )
+
+
+@compiled
+def _runs(p_m: Array, length_m: float) -> NDArray[np.int64]:
+    result = np.zeros(len(p_m), np.int64)
+    first = 0
+    for i in range(1, len(p_m)):
+        far = 0.0
+        for axis in range(3):
+            far += (p_m[i, axis] - p_m[first, axis]) ** 2
+        result[i] = result[i - 1]
+        if far > length_m**2:
+            first = i
+            result[i] += 1
+    return result

@@ -1,0 +1,160 @@
+"""Peaks of a profile, on the grid and between its points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.geometry import angles, direction, great_circle
+from wsr.profile import Profile
+from wsr.relief import prominences, width_rad
+
+MIN_SEPARATION_RAD = math.radians(10.0)
+
+_MAX_STEPS = 20
+_MAX_STEP_RAD = math.radians(1.0)
+_TOLERANCE_RAD = 1e-7
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """A direction of high power: `power` is 1 for perfect coherence, `relative_power` is 1 for the highest peak.
+
+    `prominence` is its height over the highest saddle to a higher peak, in units of `power`; `width_rad` the diameter
+    of the region around it above half of its power. Both are 0 where nobody looked: a mirror image has those of what
+    it mirrors.
+    """
+
+    azimuth_rad: float
+    polar_rad: float
+    power: float
+    relative_power: float
+    prominence: float = 0.0
+    width_rad: float = 0.0
+
+
+def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEPARATION_RAD) -> tuple[Peak, ...]:
+    """The highest local maxima of a profile, at most `count`, highest first, pairwise `min_separation_rad` apart.
+
+    The grid is a sphere: its first and last columns are neighbours, and over a pole lies the column half a turn away.
+    """
+    rows, columns = np.nonzero(_local_maxima(profile.power))
+    powers = profile.power[rows, columns].astype(np.float64)
+    order = np.argsort(powers)[::-1]
+    kept: list[Peak] = []
+    # On half the resolution: saddles are as wide as lobes.
+    relief = prominences(_pooled(profile.power))
+    kept_directions = np.empty((0, 3))
+    for index in order:
+        if len(kept) == count or powers[index] <= 0.0:
+            break
+        azimuth = float(profile.azimuth_rad[columns[index]])
+        polar = float(profile.polar_rad[rows[index]])
+        u = direction(azimuth, polar)
+        if np.any(great_circle(kept_directions, u) < min_separation_rad):
+            continue
+        row, column = int(rows[index]), int(columns[index])
+        row, column = int(rows[index]), int(columns[index])
+        # Of equal neighbours any one may carry the prominence.
+        r, c = row // 2, column // 2
+        near = relief[max(r - 1, 0) : r + 2, np.arange(c - 1, c + 2) % relief.shape[1]]
+        kept.append(
+            Peak(
+                azimuth,
+                polar,
+                float(powers[index]),
+                float(powers[index] / powers[order[0]]),
+                float(near.max()),
+                width_rad(profile.power, row, column),
+            )
+        )
+        kept_directions = np.vstack([kept_directions, u])
+    return tuple(kept)
+
+
+def refine_peak(
+    chi_m: Array, channel: NDArray[np.complex128], wavelength_m: float, azimuth_rad: float, polar_rad: float
+) -> tuple[float, float, float]:
+    """Azimuth, polar angle and power (1 for perfect coherence) of the maximum of the exact objective near a direction.
+
+    Newton steps on the sphere for P(u) = |s|^2, s = sum_k g_k exp(-j K u . chi_k) / sum_k |g_k|, K = 4 pi / lambda:
+    grad P = 2 Re(conj(s) ds), hess P = 2 Re(conj(ds) ds^T + conj(s) d2s), both taken in the tangent plane, where the
+    curvature of the sphere adds -(u . grad P) I. A step is at most one degree and is halved until it climbs, so the
+    result is never lower than the start. Along a ridge, as a flat or straight aperture makes, it stays put.
+    """
+    chi = chi_m * (4 * np.pi / wavelength_m)
+    weights = channel / np.abs(channel).sum()
+    u = direction(azimuth_rad, polar_rad)
+    power, gradient, hessian = _expansion(chi, weights, u)
+    for _ in range(_MAX_STEPS):
+        step = _newton_step(u, gradient, hessian)
+        size = float(np.linalg.norm(step))
+        while size > _TOLERANCE_RAD:
+            trial = (u + step) / np.linalg.norm(u + step)
+            trial_power, trial_gradient, trial_hessian = _expansion(chi, weights, trial)
+            if trial_power > power:
+                break
+            step, size = step / 2, size / 2
+        if size <= _TOLERANCE_RAD:
+            break
+        u, power, gradient, hessian = trial, trial_power, trial_gradient, trial_hessian
+    azimuth, polar = angles(u)
+    return float(azimuth), float(polar), power
+
+
+def mirrored(peak: Peak, normal: Array) -> Peak:
+    """The same peak seen in the mirror plane through the origin with this unit normal (3,)."""
+    u = direction(peak.azimuth_rad, peak.polar_rad)
+    azimuth, polar = angles(u - 2.0 * (u @ normal) * normal)
+    return replace(peak, azimuth_rad=float(azimuth), polar_rad=float(polar))
+
+
+def _pooled(power: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Maxima over blocks of two by two, of an even number of rows."""
+    blocks = power.reshape(power.shape[0] // 2, 2, power.shape[1] // 2, 2)
+    return np.asarray(blocks.max(axis=(1, 3)))
+
+
+def _local_maxima(power: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Grid points (T, P) not below any of their eight neighbours."""
+    half = power.shape[1] // 2
+    padded = np.vstack([np.roll(power[:1], half, axis=1), power, np.roll(power[-1:], half, axis=1)])
+    padded = np.hstack([padded[:, -1:], padded, padded[:, :1]])
+    result = np.ones(power.shape, np.bool_)
+    for row in range(3):
+        for column in range(3):
+            if (row, column) != (1, 1):
+                result &= power >= padded[row : row + power.shape[0], column : column + power.shape[1]]
+    return result
+
+
+def _expansion(chi: Array, weights: NDArray[np.complex128], u: Array) -> tuple[float, Array, Array]:
+    """P, grad P (3,) and hess P (3, 3) at u, for chi in radians of phase."""
+    terms = weights * np.exp(-1j * (chi @ u))
+    weighted = terms[:, None] * chi
+    s = terms.sum()
+    ds = -1j * weighted.sum(axis=0)
+    d2s = -(chi.T @ weighted)
+    gradient = 2 * np.real(s.conj() * ds)
+    hessian = 2 * np.real(np.outer(ds.conj(), ds) + s.conj() * d2s)
+    return float(np.abs(s) ** 2), np.asarray(gradient), np.asarray(hessian)
+
+
+def _newton_step(u: Array, gradient: Array, hessian: Array) -> Array:
+    """Ascent step (3,) in the tangent plane at u, at most _MAX_STEP_RAD long."""
+    tangent = np.linalg.svd(u[None, :])[2][1:]
+    slope = tangent @ gradient
+    curvature = tangent @ hessian @ tangent.T - float(u @ gradient) * np.eye(2)
+    values, vectors = np.linalg.eigh(curvature)
+    # Uphill whatever the sign of the curvature; directions without any (a ridge) are left alone.
+    steepest = float(np.abs(values).max())
+    along = vectors.T @ slope
+    inverse = np.where(np.abs(values) > 1e-6 * steepest, 1.0 / np.maximum(np.abs(values), 1e-300), 0.0)
+    step = np.asarray((vectors @ (inverse * along)) @ tangent)
+    size = float(np.linalg.norm(step))
+    return step if size <= _MAX_STEP_RAD else np.asarray(step * (_MAX_STEP_RAD / size))

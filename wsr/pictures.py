@@ -1,0 +1,76 @@
+"""Profiles on the one-degree grid from coarser looks, and the peaks of a look at circles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.focus import Look
+from wsr.kernel import ROWS, bartlett_power
+from wsr.peaks import MIN_SEPARATION_RAD, Peak
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.relief import prominences, width_rad
+
+_TAU = 2 * math.pi
+
+Array = NDArray[np.float64]
+
+
+def look_profile(seen: Look) -> Profile:
+    """The look's best score over ranges, 1 at its maximum, interpolated along and between its rows."""
+    power = seen.power
+    rows = [
+        np.interp(AZIMUTH_RAD, seen.azimuth_rad[a:b], power[a:b], period=_TAU)
+        for a, b in zip(seen.rows[:-1], seen.rows[1:], strict=True)
+    ]
+    polar = seen.polar_rad[seen.rows[:-1]]
+    at = np.interp(POLAR_RAD, polar, np.arange(polar.size))
+    low = np.minimum(at.astype(np.intp), polar.size - 2)
+    share = (at - low)[:, None]
+    table = np.stack(rows)
+    return Profile(((1 - share) * table[low] + share * table[low + 1]).astype(np.float32), AZIMUTH_RAD, POLAR_RAD)
+
+
+def level_profile(x_m: Array, channel: NDArray[np.complex128], wavelength_m: float) -> Profile:
+    """Far-field power, 1 at its maximum, of channels (B,) at x (B, 3), computed every other degree and interpolated.
+
+    Lobes are as wide as the wavelength over the aperture, some degrees.
+    """
+    scale = float(np.abs(channel).sum()) or 1.0
+    coarse = bartlett_power(x_m / wavelength_m, channel / scale, ROWS // 2)
+    # Rows of the coarse grid lie between two of the fine one, columns on every other one.
+    half = coarse.shape[1] // 2
+    padded = np.vstack([np.roll(coarse[:1], half, axis=1), coarse, np.roll(coarse[-1:], half, axis=1)])
+    power = np.empty((ROWS, 2 * ROWS), np.float32)
+    power[0::2, 0::2] = np.float32(0.75) * coarse + np.float32(0.25) * padded[:-2]
+    power[1::2, 0::2] = np.float32(0.75) * coarse + np.float32(0.25) * padded[2:]
+    power[:, 1::2] = np.float32(0.5) * (power[:, 0::2] + np.roll(power[:, 0::2], -1, axis=1))
+    return Profile(power / max(power.max(), np.float32(1e-30)), AZIMUTH_RAD, POLAR_RAD)
+
+
+def ring_peaks(seen: Look, count: int) -> tuple[Peak, ...]:
+    """The highest peaks of a look at full circles, by azimuth alone, at the polar angle of the best; at least one."""
+    circles = seen.power.reshape(len(seen.rows) - 1, -1)
+    polars = seen.polar_rad[seen.rows[:-1]]
+    ring, best = circles.max(axis=0).astype(np.float32), polars[circles.argmax(axis=0)]
+    azimuth = seen.azimuth_rad[: ring.size]
+    relief = prominences(ring[None, :])[0]
+    tops = np.flatnonzero((ring >= np.roll(ring, 1)) & (ring >= np.roll(ring, -1)))
+    kept: list[int] = []
+    for top in tops[np.argsort(-ring[tops], kind="stable")]:
+        apart = np.abs(np.remainder(azimuth[top] - azimuth[kept] + math.pi, _TAU) - math.pi)
+        if len(kept) < count and np.all(apart >= MIN_SEPARATION_RAD):
+            kept.append(int(top))
+    return tuple(
+        Peak(
+            float(azimuth[k]),
+            float(best[k]),
+            float(ring[k]),
+            float(ring[k] / ring.max()),
+            float(relief[k]),
+            width_rad(ring[None, :], 0, k),
+        )
+        for k in kept
+    )

@@ -1,0 +1,111 @@
+"""Prominence and width of the peaks of a profile: how far one must come down from them, and how wide they stand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.kernel import compiled
+
+_LEVELS = 8192
+
+Array32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+def prominences(power: Array32) -> Array32:
+    """For each cell (T, P) that is a peak, its height over the highest saddle that leads to higher ground; else 0.
+
+    The grid is a sphere, as in `wsr.peaks`; with one row (T = 1) it is a circle. The highest peak has all its height
+    over the lowest cell. Heights are resolved to 1 part in 8192.
+    """
+    top, bottom = float(power.max()), float(power.min())
+    if not top > bottom:
+        return np.zeros_like(power)
+    level = ((top - power) * ((_LEVELS - 1) / (top - bottom))).astype(np.uint16)
+    order = np.argsort(level, axis=None, kind="stable")
+    return np.asarray(_flood(np.ascontiguousarray(power, np.float32), order).reshape(power.shape))
+
+
+def width_rad(power: Array32, row: int, column: int) -> float:
+    """Diameter of the disc as large as the connected region around a peak that is above half of its power.
+
+    Rows are taken to be spread evenly between the poles, columns around the circle; with one row it is the arc.
+    """
+    rows, columns = power.shape
+    above = power >= 0.5 * power[row, column]
+    inside: NDArray[np.bool_] = _connected(above, row, column)
+    step = 2 * math.pi / columns
+    if rows == 1:
+        return float(step * int(inside.sum()))
+    sines = np.sin(math.pi / rows * (np.arange(rows) + 0.5))
+    area = float(inside.sum(axis=1) @ sines) * step * math.pi / rows
+    return 2.0 * math.acos(max(1.0 - area / (2 * math.pi), -1.0))
+
+
+@compiled
+def _neighbour(cell: int, which: int, rows: int, columns: int) -> int:
+    """One of eight neighbours of a cell: around the circle, and over a pole to the column half a turn away."""
+    offset = which if which < 4 else which + 1
+    row, column = cell // columns + offset // 3 - 1, cell % columns + offset % 3 - 1
+    if rows == 1:
+        row = 0
+    elif row < 0 or row >= rows:
+        row = min(max(row, 0), rows - 1)
+        column += columns // 2
+    return row * columns + column % columns
+
+
+@compiled
+def _root(parent: Indices, cell: int) -> int:
+    while parent[cell] != cell:
+        parent[cell] = parent[parent[cell]]
+        cell = parent[cell]
+    return cell
+
+
+@compiled
+def _flood(power: Array32, order: Indices) -> Array32:
+    """As the water falls, islands appear at their peaks and die where they meet a higher one."""
+    rows, columns = power.shape
+    height = power.ravel()
+    parent = np.full(height.size, -1, np.int64)
+    result = np.zeros(height.size, np.float32)
+    for cell in order:
+        parent[cell] = cell
+        for which in range(8):
+            beside = _neighbour(cell, which, rows, columns)
+            if parent[beside] < 0:
+                continue
+            a, b = _root(parent, cell), _root(parent, beside)
+            if a == b:
+                continue
+            if height[a] < height[b]:
+                a, b = b, a
+            result[b] = max(height[b] - height[cell], np.float32(0.0))
+            parent[b] = a
+    result[_root(parent, order[0])] = height[order[0]] - height[order[-1]]
+    return result
+
+
+@compiled
+def _connected(above: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
+    rows, columns = above.shape
+    inside = np.zeros((rows, columns), np.bool_)
+    stack = np.empty(rows * columns, np.int64)
+    stack[0] = row * columns + column
+    inside[row, column] = True
+    size = 1
+    while size > 0:
+        size -= 1
+        cell = stack[size]
+        for which in range(8):
+            beside = _neighbour(cell, which, rows, columns)
+            r, c = beside // columns, beside % columns
+            if above[r, c] and not inside[r, c]:
+                inside[r, c] = True
+                stack[size] = beside
+                size += 1
+    return inside

@@ -1,0 +1,280 @@
+"""The score of directions and ranges: spherical waves, coherent inside sub-apertures, summed in power over them.
+
+For a direction u and a range r (None: far field) the path difference of bin b, relative to the centroid, is
+
+    d_b = |r u - x_b| - r,        y_a(s) = sum_{b in a} h_b(s) exp(+j 2 pi d_b / lambda)
+
+over the bins of a sub-aperture a. At a scale K the path is cut into K sub-apertures of equal numbers of bins, and
+
+    F_K(u, r) = sum_a mean_s |y_a(s)|^2 / (mean |h|^2 sum_a B_a^2),
+
+which is 1 if all bins agree at all subcarriers. tau_K is the delay of y against the packets' own power centroid, from
+neighbouring subcarriers; a weight exp(-tau / T) prefers the path that comes first, as the straight one does.
+
+Where the chain of signs broke inside a sub-aperture, the pieces are joined with the sign that adds up in that
+direction, longest piece first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.channel import SUBCARRIER_SPACING_HZ
+from wsr.kernel import compiled, phasors
+from wsr.reciprocity import SUBCARRIERS, TWO_APART
+
+_MAX_DELAY_NS = 60.0
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scores:
+    """score, coherence and delay_ns, each (K, N, R): scales, directions, ranges. The score is the coherence F times
+    the weight for the delay; its delay is 0 where it was not asked for."""
+
+    score: Array32
+    coherence: Array32
+    delay_ns: Array32
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubApertures:
+    """Bins in the form the kernel takes. Make with `sub_apertures`."""
+
+    x: Array32
+    """(3, B) about the centroid, in wavelengths (half of them for the product)."""
+    h: Array32
+    """(2, S, B): real and imaginary parts."""
+    wavelength_m: float
+    lag: NDArray[np.complex64]
+    """(S, S): sum over neighbouring subcarriers of their product, as a form in y. (0, 0) without delays."""
+    cuts: Indices
+    """(C + 1,) first bin of each run, and B. Runs are never split."""
+    pieces: Indices
+    """(P, 5): scale, sub-aperture, first run, run after the last, bins; of one segment each, longest first."""
+    power: float
+    """mean over subcarriers and bins of |h|^2, times subcarriers."""
+
+    def whole(self) -> SubApertures:
+        """The same bins at the scale 1 alone, which has to be the first of the scales."""
+        return replace(self, pieces=self.pieces[self.pieces[:, 0] == 0])
+
+
+def sub_apertures(
+    p_m: Array,
+    channel: Complex,
+    segment: Indices,
+    wavelength_m: float,
+    scales: Sequence[int],
+    resign: bool = True,
+    share: float = 1.0,
+) -> SubApertures:
+    """Bins p (B, 3), h (B, S) with the number of each one's segment (B,), cut at each of `scales` into so many parts.
+
+    `wavelength_m` is of the phase: half of the carrier's for the round-trip product. With a `share` under 1 the
+    subcarriers are reduced to the fewest combinations that hold this share of the power: paths differ by tens of
+    nanoseconds, so few of 30 subcarriers over 18 MHz are independent, and the rest is noise.
+    """
+    bins = len(p_m)
+    basis = _basis(channel, share)
+    values = channel if basis is None else channel @ basis.conj()
+    x = (p_m - p_m.mean(axis=0)) / wavelength_m
+    finest = max(scales)
+    cuts = np.unique(
+        np.append(np.arange(finest) * bins // finest, np.flatnonzero(np.diff(segment, prepend=segment[0])))
+    )
+    ends = np.append(cuts[1:], bins)
+    return SubApertures(
+        np.ascontiguousarray(x.T, np.float32),
+        np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
+        wavelength_m,
+        _lag_form(channel.shape[1], basis),
+        np.append(cuts, bins),
+        _pieces(cuts, ends, segment[cuts], scales, bins, resign),
+        float((np.abs(channel) ** 2).sum(axis=1).mean()),
+    )
+
+
+def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay_ns: float | None) -> Scores:
+    """Scores of directions u (N, 3) at each range; no weight for the delay if `delay_ns` is None."""
+    scales = int(parts.pieces[-1, 0]) + 1
+    shape = (scales, len(u), len(ranges_m))
+    coherence, delay = np.empty(shape, np.float32), np.zeros(shape, np.float32)
+    weighted = delay_ns is not None and parts.lag.size > 0
+    ranges = np.array([0.0 if r is None else r / parts.wavelength_m for r in ranges_m], np.float32)
+    _score(
+        parts.x,
+        (parts.x**2).sum(axis=0),
+        parts.h,
+        np.ascontiguousarray(u, np.float32),
+        ranges,
+        parts.cuts,
+        parts.pieces,
+        parts.lag if weighted else np.zeros((0, 0), np.complex64),
+        parts.power,
+        coherence,
+        delay,
+    )
+    if delay_ns is None or not weighted:
+        return Scores(coherence, coherence, delay)
+    delay *= np.float32(-1e9 / (2 * np.pi * 2 * SUBCARRIER_SPACING_HZ))
+    weight = np.exp(np.clip(delay, -_MAX_DELAY_NS, _MAX_DELAY_NS) * np.float32(-1.0 / delay_ns))
+    return Scores(coherence * weight, coherence, delay)
+
+
+def _basis(channel: Complex, share: float) -> Complex | None:
+    """Principal combinations (S, R) of subcarriers, orthonormal, None for all."""
+    if share >= 1.0 or channel.shape[1] == 1:
+        return None
+    values, vectors = np.linalg.eigh(channel.T @ channel.conj())
+    held = np.cumsum(values[::-1]) / values.sum()
+    return np.asarray(vectors[:, ::-1][:, : int(np.searchsorted(held, share)) + 1])
+
+
+def _lag_form(subcarriers: int, basis: Complex | None) -> NDArray[np.complex64]:
+    """Q with sum_s y(s + 2) y(s)^* = sum_ab z_a z_b^* Q_ab where y = B z."""
+    if subcarriers != SUBCARRIERS:
+        return np.zeros((0, 0), np.complex64)
+    full = np.eye(SUBCARRIERS, dtype=np.complex128) if basis is None else basis
+    return np.asarray(full[TWO_APART + 1].T @ full[TWO_APART].conj(), np.complex64)
+
+
+def _pieces(cuts: Indices, ends: Indices, segment: Indices, scales: Sequence[int], bins: int, resign: bool) -> Indices:
+    rows: list[tuple[int, int, int, int, int]] = []
+    for scale, parts in enumerate(scales):
+        group = 0
+        owner = cuts * parts // bins
+        for part in range(parts):
+            runs = np.flatnonzero(owner == part)
+            found = []
+            for number in np.unique(segment[runs]):
+                same = runs[segment[runs] == number]
+                found.append((int(same[0]), int(same[-1]) + 1, int((ends - cuts)[same].sum())))
+            found.sort(key=lambda piece: -piece[2])
+            for first, after, size in found:
+                rows.append((scale, group, first, after, size))
+                group += not resign
+            group += resign
+    return np.array(rows, np.int64)
+
+
+@compiled
+def _score(
+    x: Array32,
+    x2: Array32,
+    h: Array32,
+    u: Array32,
+    ranges: Array32,
+    cuts: Indices,
+    pieces: Indices,
+    lag: NDArray[np.complex64],
+    power: float,
+    coherence: Array32,
+    phase: Array32,
+) -> None:
+    bins, combos = x.shape[1], h.shape[1]
+    across = np.empty(bins, np.float32)
+    turns = np.empty(bins, np.float32)
+    cosine = np.empty(bins, np.float32)
+    sine = np.empty(bins, np.float32)
+    y = np.empty((cuts.size - 1, combos, 2), np.float32)
+    total = np.zeros((combos, 2), np.float32)
+    piece = np.empty((combos, 2), np.float32)
+    for n in range(u.shape[0]):
+        for b in range(bins):
+            across[b] = u[n, 0] * x[0, b] + u[n, 1] * x[1, b] + u[n, 2] * x[2, b]
+        for i in range(ranges.size):
+            _path(across, x2, ranges[i], turns)
+            phasors(turns, cosine, sine)
+            for run in range(cuts.size - 1):
+                for s in range(combos):
+                    _dot(h[0, s], h[1, s], cosine, sine, cuts[run], cuts[run + 1], y[run, s])
+            _fuse(y, pieces, lag, power, total, piece, coherence[:, n, i], phase[:, n, i])
+
+
+@compiled
+def _path(across: Array32, x2: Array32, r: float, turns: Array32) -> None:
+    """d = |r u - x| - r without cancellation: (x^2 - 2 r u.x) / (sqrt(r^2 - 2 r u.x + x^2) + r); r = 0: -u.x."""
+    if r == 0.0:
+        for b in range(across.size):
+            turns[b] = -across[b]
+        return
+    two = np.float32(2.0)
+    zero = np.float32(0.0)
+    for b in range(across.size):
+        more = x2[b] - two * r * across[b]
+        turns[b] = more / (np.sqrt(max(r * r + more, zero)) + r)
+
+
+@compiled
+def _dot(re: Array32, im: Array32, cosine: Array32, sine: Array32, first: int, after: int, out: Array32) -> None:
+    """Sum of (re + j im)(cosine + j sine): the inner loop."""
+    a = b = np.float32(0.0)
+    for k in range(first, after):
+        a += re[k] * cosine[k] - im[k] * sine[k]
+        b += re[k] * sine[k] + im[k] * cosine[k]
+    out[0] = a
+    out[1] = b
+
+
+@compiled
+def _fuse(
+    y: Array32,
+    pieces: Indices,
+    lag: NDArray[np.complex64],
+    power: float,
+    total: Array32,
+    piece: Array32,
+    coherence: Array32,
+    phase: Array32,
+) -> None:
+    """Coherence and phase of the lagged product at each scale, from the sums (C, S, 2) of one direction and range."""
+    combos = y.shape[1]
+    total[:] = 0.0
+    last = pieces.shape[0] - 1
+    energy = np.float32(0.0)
+    lagged = np.complex64(0.0)
+    squares = np.float32(0.0)
+    size = np.float32(0.0)
+    for p in range(pieces.shape[0]):
+        match = np.float32(0.0)
+        for s in range(combos):
+            for part in range(2):
+                value = np.float32(0.0)
+                for run in range(pieces[p, 2], pieces[p, 3]):
+                    value += y[run, s, part]
+                piece[s, part] = value
+                match += value * total[s, part]
+        sign = np.float32(-1.0) if match < 0 else np.float32(1.0)
+        for s in range(combos):
+            for part in range(2):
+                total[s, part] += sign * piece[s, part]
+        size += np.float32(pieces[p, 4])
+        new_scale = p == last or pieces[p + 1, 0] != pieces[p, 0]
+        if not new_scale and pieces[p + 1, 1] == pieces[p, 1]:
+            continue
+        for s in range(combos):
+            energy += total[s, 0] ** 2 + total[s, 1] ** 2
+        for a in range(lag.shape[0]):
+            inner = np.complex64(0.0)
+            for b in range(lag.shape[0]):
+                inner += np.complex64(complex(total[b, 0], -total[b, 1])) * lag[a, b]
+            lagged += np.complex64(complex(total[a, 0], total[a, 1])) * inner
+        squares += size * size
+        size = np.float32(0.0)
+        total[:] = 0.0
+        if new_scale:
+            coherence[pieces[p, 0]] = energy / (power * squares)
+            if lag.shape[0] > 0:
+                phase[pieces[p, 0]] = np.arctan2(lagged.imag, lagged.real)
+            energy = np.float32(0.0)
+            lagged = np.complex64(0.0)
+            squares = np.float32(0.0)

@@ -1,0 +1,83 @@
+"""How far an estimate can be trusted: the bound of direction and range together, noise and its correlation in time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.geometry import direction
+
+_NOISE_BLOCKS = 16
+_RANK_TOLERANCE = 1e-6
+
+Array = NDArray[np.float64]
+
+
+def bound(
+    x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float, range_m: float | None, level: bool
+) -> Array:
+    """Cramer-Rao bound (3, 3) of (azimuth, polar angle, range) for a phase variance of 1 rad^2 and unknown phase.
+
+    Spherical waves, phase 2 pi |r u - x| / lambda at x (B, 3): the rows of the Jacobian are 2 pi / lambda times
+    (r du/daz . e, r du/dpol . e, u . e - 1) with e the unit vector from x to the source, less their mean; far field
+    (None): -(du . x). `level`: the polar angle is not a free parameter. What is not free or not determined has an
+    infinite variance.
+    """
+    du = np.stack(
+        [
+            [-math.sin(polar_rad) * math.sin(azimuth_rad), math.sin(polar_rad) * math.cos(azimuth_rad), 0.0],
+            direction(azimuth_rad, polar_rad + math.pi / 2),
+        ]
+    )
+    u = direction(azimuth_rad, polar_rad)
+    x = x_m - x_m.mean(axis=0)
+    if range_m is None:
+        rows = -(x @ du.T)
+        free = [0] if level else [0, 1]
+    else:
+        e = range_m * u - x
+        e /= np.linalg.norm(e, axis=1, keepdims=True)
+        rows = np.column_stack([range_m * (e @ du.T), e @ u - 1.0])
+        free = [0, 2] if level else [0, 1, 2]
+    rows = 2 * math.pi / wavelength_m * (rows - rows.mean(axis=0))[:, free]
+    result = np.diag(np.full(3, math.inf))
+    result[np.ix_(free, free)] = _inverse(rows)
+    return result
+
+
+def phase_variance(residual_rad: Array) -> float:
+    """Variance from the median of |phase| (1.4826 median for a normal law), so that a burst of wild packets, which
+    the sum averages out, does not set it. Not below 1e-6 rad^2, less than any receiver has."""
+    return max(float(1.4826 * np.median(np.abs(residual_rad))) ** 2, 1e-6)
+
+
+def time_correlation(residual_rad: Array) -> float:
+    """Factor >= 1 by which slow residuals (pose drift, curvature, multipath) raise the variance of averages over time.
+
+    White residuals average down by the number of packets in a block; the factor is how far block means miss that.
+    """
+    size = residual_rad.size // _NOISE_BLOCKS
+    if size < 2:
+        return 1.0
+    blocks = residual_rad[: size * _NOISE_BLOCKS].reshape(_NOISE_BLOCKS, size)
+    single = float(np.var(blocks))
+    return max(1.0, float(np.var(blocks.mean(axis=1))) * size / single) if single > 0.0 else 1.0
+
+
+def _inverse(rows: Array) -> Array:
+    """Inverse of rows^T rows; a parameter that takes part in what the rows do not determine has infinite variance."""
+    scale = np.linalg.norm(rows, axis=0)
+    dead = scale <= 0.0
+    scaled = rows / np.where(dead, 1.0, scale)
+    values, axes = np.linalg.svd(scaled, full_matrices=False)[1:]
+    known = values > _RANK_TOLERANCE * max(float(values.max()), 1e-300)
+    inverse = (axes[known].T / values[known] ** 2) @ axes[known]
+    blind = dead | (np.abs(axes[~known]) > _RANK_TOLERANCE).any(axis=0)
+    inverse[blind, :] = 0.0
+    inverse[:, blind] = 0.0
+    safe = np.where(dead, 1.0, scale)
+    inverse = inverse / np.outer(safe, safe)
+    inverse[blind, blind] = math.inf
+    return np.asarray(inverse)
