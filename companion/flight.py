@@ -147,6 +147,7 @@ class Flight:
                 "elevation_deg": math.degrees(estimate.polar_rad),
                 "reliability": estimate.reliability,
                 "iteration": iteration.number,
+                "reference_ns": iteration.reference_ns,
             }
         return {
             "state": self.state,
