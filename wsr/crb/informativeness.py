@@ -146,4 +146,5 @@ def _axes(step_rad: float) -> tuple[Array, Array]:
     """Azimuths and polar angles of a grid of about `step_rad`."""
     rows = max(1, round(math.pi / step_rad))
     columns = max(1, round(2 * math.pi / step_rad))
-    return -math.pi + 2 * math.pi / columns * np.arange(columns), math.pi / rows * (np.arange(rows) + 0.5)
+    azimuth = np.linspace(-math.pi, math.pi, columns, endpoint=False)
+    return azimuth, math.pi / rows * (np.arange(rows, dtype=np.float64) + 0.5)

@@ -52,7 +52,7 @@ def scatter_factor(
         positions = positions - weights @ positions / weights.sum()
     wavenumber = (4.0 if round_trip else 2.0) * np.pi / wavelength_m
     whitened = positions * (wavenumber * np.sqrt(weights))[:, None]
-    factor = np.linalg.qr(whitened, mode="r")
+    factor = np.asarray(np.linalg.qr(whitened, mode="r"), np.float64)
     return np.vstack([factor, np.zeros((3 - factor.shape[0], 3))])
 
 
