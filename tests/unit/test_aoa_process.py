@@ -15,6 +15,7 @@ from companion.aoa_process import AoaProcess
 from companion.aoa_wire import AoaResult, profile_power
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import wavelength_m
+from wsr.crb.informativeness import informativeness
 from wsr.estimators import ESTIMATORS
 from wsr.geometry import direction
 
@@ -66,6 +67,7 @@ async def test_an_aperture_gives_the_same_estimate_as_in_process() -> None:
         assert os.getpriority(os.PRIO_PROCESS, pid) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
     estimate, profile = ESTIMATORS["bartlett"]().estimate(aperture())
     assert result.estimate == estimate
+    assert result.informativeness == informativeness(aperture(), estimate.azimuth_rad, estimate.polar_rad)
     np.testing.assert_allclose(profile_power(result), profile.power, atol=1e-3)
     assert workers() == []
 
