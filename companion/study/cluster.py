@@ -6,6 +6,7 @@ Needs the extra `cluster` (dask.distributed), here and on the workers, and the s
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from types import TracebackType
@@ -31,9 +32,10 @@ class DaskRunner:
 
     def __init__(self, address: str) -> None:
         try:
-            import distributed
+            distributed: Any = importlib.import_module("distributed")
         except ImportError:
             raise ConfigError("--cluster needs dask.distributed: pip install 'wsr-companion[cluster]'") from None
+        self._distributed = distributed
         self._address = address
         self._closing = ExitStack()
         try:
@@ -71,8 +73,7 @@ class DaskRunner:
         on_done: Callable[[int], None],
     ) -> list[R]:
         """As `Runner.run`."""
-        import distributed
-
+        distributed = self._distributed
         todo = list(batches(specs, seed, self._workers))
         futures = {self._client.submit(run_batch, trial, batch, pure=False): batch for batch in todo}
         rows: dict[int, list[R]] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from companion.study.figures import draw_cdf
-from companion.study.paths import circle, line, spherical_helix
+from companion.study.paths import Array, circle, line, spherical_helix
 from companion.study.study import Finding, Settings, Study, Summary
 from wsr.channel import wavelength_m
 from wsr.crb import Phase
@@ -24,7 +24,7 @@ _PACKETS = 400
 _PHASE_VARIANCE_RAD2 = 0.01
 _WAVELENGTH_M = wavelength_m(108)
 _QUANTILES = np.linspace(0.0, 1.0, 201)
-_PATHS = {"helix": spherical_helix, "circle": circle, "line": line}
+_PATHS: dict[str, Callable[[float, int], Array]] = {"helix": spherical_helix, "circle": circle, "line": line}
 _AZIMUTH, _POLAR = (np.radians(a.ravel()) for a in np.meshgrid(np.arange(1, 361), np.arange(1, 181)))
 
 
