@@ -31,8 +31,10 @@ $(VENV)/dev.stamp: requirements-dev.txt $(VENV)/run.stamp
 demo: .venv
 	$(BIN)/companion demo $(ARGS)
 
+# What computes runs on two processes; what flies, or injects faults, alone, so that nothing disturbs its timing.
 test: check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 tests/unit tests/property tests/golden
+	$(BIN)/python -m pytest tests/faults tests/sitl
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)

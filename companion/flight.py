@@ -208,7 +208,6 @@ class Flight:
         return event
 
     def _situation(self, vehicle: VehicleState, now_ns: int) -> Situation:
-        target = self._target
         return Situation(
             vehicle=vehicle,
             now_ns=now_ns,
@@ -219,9 +218,17 @@ class Flight:
             blind_legs=self._blind_legs,
             tries=self._tries,
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
-            target_near=target is not None
-            and target.range_m + 2 * target.range_std_m < self._config.mission.arrival_range_m,
+            target_near=self._is_near(vehicle),
         )
+
+    def _is_near(self, vehicle: VehicleState) -> bool:
+        """Whether the target, where its newest datagram says it has come to, is within the range of arrival."""
+        target = self._target
+        newest = self._node.receiver.neighbours[self._config.target].newest_pose()
+        if target is None or newest is None or vehicle.p_local_enu_m is None or newest[0] != target.boot:
+            return False
+        range_m = target.range_from(vehicle.p_local_enu_m, newest[1])
+        return range_m + 2 * target.range_std_m < self._config.mission.arrival_range_m
 
     def _step(self, event: Event, vehicle: VehicleState, now_ns: int) -> None:
         before = self.state

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -34,6 +35,10 @@ class Iteration:
     """Time of the reference point; `end_ns` when there is no estimate."""
     p_local_enu_m: Vector3 | None
     """Reference point in the autopilot's local frame, where its position was known then."""
+    peer_p_enu_m: Vector3 | None
+    """Where the peer's antenna was at `reference_ns`, in its own frame; None when there is no estimate."""
+    peer_boot: int
+    """Boot of the peer in which that frame holds."""
     received: int
     dropped: Mapping[str, int]
     compute_s: float
@@ -44,11 +49,20 @@ class Iteration:
 
     def bearing(self) -> Bearing | None:
         """What the tracker takes; None where nothing can steer."""
-        if self.estimate is None or self.p_local_enu_m is None or not self.estimate.azimuth_observable:
-            return None
         estimate = self.estimate
+        if estimate is None or self.p_local_enu_m is None or self.peer_p_enu_m is None:
+            return None
+        if not estimate.azimuth_observable:
+            return None
         return Bearing(
-            self.reference_ns, self.p_local_enu_m, estimate.azimuth_rad, estimate.polar_rad, estimate.azimuth_std_rad
+            self.reference_ns,
+            self.p_local_enu_m,
+            estimate.azimuth_rad,
+            estimate.polar_rad,
+            estimate.azimuth_std_rad,
+            estimate.polar_std_rad if estimate.polar_observable else math.inf,
+            self.peer_p_enu_m,
+            self.peer_boot,
         )
 
 
@@ -115,9 +129,10 @@ class SarIterations:
         self._on_iteration(self._iteration(number, report, result), result.profile)
 
     def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
-        reference_ns = report.end_ns
+        reference_ns, peer_p_enu_m = report.end_ns, None
         if result.estimate is not None:
             reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
+            peer_p_enu_m = report.peer_at(reference_ns)
         return Iteration(
             number,
             report.peer,
@@ -125,6 +140,8 @@ class SarIterations:
             report.end_ns,
             reference_ns,
             self._local_position(reference_ns),
+            peer_p_enu_m,
+            report.peer_boot,
             report.received,
             report.dropped,
             result.compute_s,
