@@ -1,8 +1,8 @@
 """`moving-ends`: both robots move (section sec:results_movingEnds; labels fig:Relative_Traj_comparison_3D and _2D).
 
-The paper's two scenarios: robot i flies a helix at 0.5 m/s, or drives straight at 0.1 m/s, while robot j drives straight
-with a speed that varies up to 0.1 m/s, 10 m away. One recording of each is estimated in several ways: with the other's
-displacement and without; with it in its own rotated axes, turned back or not; and joined by the exchange or by wall
+The paper's two scenarios: robot i flies a helix at 0.5 m/s, or drives straight at 0.1 m/s, while robot j drives
+straight with a speed that varies up to 0.1 m/s, 10 m away. One recording of each is estimated in several ways: with the
+other's displacement and without; with it in its own rotated axes, turned back or not; and joined by the exchange or by wall
 clocks that disagree.
 """
 
@@ -151,7 +151,7 @@ def _summarise(rows: Sequence[MovingRow]) -> Summary:
         findings,
         [
             "The paper shows one profile a scenario and gives no aggregate. Of a level path only the azimuth is asked.",
-            "The straight path of robot i alone sees a cone; that of j bends the relative path, which frees the azimuth.",
+            "The straight path of i alone sees a cone; that of j bends the relative path, which frees the azimuth.",
         ],
     )
 

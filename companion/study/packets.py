@@ -144,7 +144,7 @@ def _summarise(rows: Sequence[PacketsRow]) -> Summary:
     return Summary(
         findings,
         [
-            f"A quarter of a wavelength, the spacing that a uniform line would need for the product, is {quarter_mm:.1f} mm.",
+            f"A quarter of a wavelength, what a uniform line would need for the product, is {quarter_mm:.1f} mm.",
             "Great-circle errors; a refusal (too few packets) counts as no bearing.",
         ],
     )
@@ -168,7 +168,7 @@ STUDY = Study(
     name="packets",
     title="AOA error against packet loss and element spacing",
     figures=("Discretization",),
-    default_trials=60,
+    default_trials=40,
     plan=_plan,
     trial=_trial,
     summarise=_summarise,
