@@ -2,8 +2,8 @@
 
 The paper's two scenarios: robot i flies a helix at 0.5 m/s, or drives straight at 0.1 m/s, while robot j drives
 straight with a speed that varies up to 0.1 m/s, 10 m away. One recording of each is estimated in several ways: with the
-other's displacement and without; with it in its own rotated axes, turned back or not; and joined by the exchange or by wall
-clocks that disagree.
+other's displacement and without; with it in its own rotated axes, turned back or not; and joined by the exchange or by
+wall clocks that disagree.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""One mission at virtual time: the service's own flight, mission, gate, guidance, window, worker and tracker code over a
-kinematic vehicle, drifting cameras and the simulated radio.
+"""One mission at virtual time: the service's own flight, mission, gate, guidance, window, worker and tracker code over
+a kinematic vehicle, drifting cameras and the simulated radio.
 
 What is left out of the service: sockets and pipes, parsing of records, the map from card time to host time, the
 recorder, take-off and the autopilot (the vehicle starts in a hover and grants every mode at once).
