@@ -91,12 +91,16 @@ class DaskRunner:
         return [row for first in sorted(rows) for row in rows[first]]
 
     def _local_cluster(self, distributed: Any) -> Any:
-        """Workers on loopback, one thread each, without a dashboard."""
+        """Workers on loopback, one thread each; its status page takes any free port there."""
         count = int(self._address.removeprefix(_LOCAL))
         if count < 1:
             raise ValueError(f"{count} workers")
         return self._closing.enter_context(
             distributed.LocalCluster(
-                n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, memory_limit=None
+                n_workers=count,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                memory_limit=None,
             )
         )
