@@ -84,7 +84,7 @@ def study(
         _written(write_page, written[-1], outcomes, pictures)
     if json_path is not None:
         written.append(json_path)
-        _written(write_json, json_path, outcomes)
+        _written(write_json, json_path, outcomes if name == ALL else outcomes[0])
     console.print("written: " + ", ".join(map(str, written)), highlight=False)
 
 

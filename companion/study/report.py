@@ -47,9 +47,8 @@ def shown(value: Value, unit: str) -> str:
     return f"{digits}{'°' if unit == 'deg' else f' {unit}' if unit else ''}"
 
 
-def write_json(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """One outcome as an object, several as a list."""
-    content: Any = outcomes[0] if len(outcomes) == 1 else list(outcomes)
+def write_json(path: Path, content: Outcome | Sequence[Outcome]) -> None:
+    """One outcome as an object, those of `all` as a list."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2))
 
