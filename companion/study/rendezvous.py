@@ -31,6 +31,8 @@ _MAX_TIME_S = 240.0
 _VIO_RATE_HZ = 100.0  # half a T265's: enough for apertures at 0.5 m/s, and half the work
 _OUTLIERS = 2
 _PAPER_MEAN_DEG = 10.17
+_ENOUGH = 5
+"""Missions that a median over iterations of one number needs."""
 _SCENES = tuple((occluded, moving) for occluded in (False, True) for moving in (False, True))
 
 
@@ -220,7 +222,8 @@ def _medians_by_number(rows: Sequence[MissionRow], which: str) -> list[float]:
     for number in range(max((len(row.steps) for row in rows), default=0)):
         steps = [s for row in rows for s in row.steps if s.number == number and s.error is not None]
         values = [s.crb_deg if which == "bound" else s.error.paper_deg for s in steps if s.error is not None]
-        medians.append(float(np.median([v for v in values if v is not None])) if values else math.nan)
+        known = [value for value in values if value is not None]
+        medians.append(float(np.median(known)) if len(known) >= _ENOUGH else math.nan)
     return medians
 
 
