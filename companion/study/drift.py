@@ -136,7 +136,7 @@ def _angular_ramp(case: DriftCase, p_m: Array, rng: np.random.Generator) -> Arra
     signs = rng.choice([-1.0, 1.0], 2)
     middle_m = p_m.mean(axis=0)
     polar = np.zeros(_POSITIONS) if case.path == "2D circle" else signs[1] * ramp
-    return with_angular_drift(p_m - middle_m, signs[0] * ramp, polar) + middle_m - p_m
+    return np.asarray(with_angular_drift(p_m - middle_m, signs[0] * ramp, polar) + middle_m - p_m)
 
 
 def _least_squares(p_m: Array, estimated_m: Array, azimuth: float, polar: float) -> AoaError:
@@ -192,9 +192,10 @@ def _bias(rows: Sequence[DriftRow]) -> str:
 
 def _ramp(rows: Sequence[DriftRow]) -> str:
     own = [row.own_ate_m for row in rows if row.error == "angular ramp" and row.ate_m == _TABLE_ATE_M[-1]]
+    top_deg, ate_m = _DRIFT_DEG_PER_M * _TABLE_ATE_M[-1], _TABLE_ATE_M[-1]
     return (
-        f"An angular ramp to {_DRIFT_DEG_PER_M * _TABLE_ATE_M[-1]:g} deg, which the paper has at {_TABLE_ATE_M[-1]} m, has "
-        f"an ATE of {float(np.mean(own)):.3f} m on these paths; the table's phi in 3D is half of the ramp."
+        f"An angular ramp to {top_deg:g} deg, which the paper has at {ate_m} m, has an ATE of {float(np.mean(own)):.3f} "
+        "m on these paths; the table's phi in 3D is half of the ramp."
     )
 
 
