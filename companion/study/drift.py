@@ -194,8 +194,8 @@ def _ramp(rows: Sequence[DriftRow]) -> str:
     own = [row.own_ate_m for row in rows if row.error == "angular ramp" and row.ate_m == _TABLE_ATE_M[-1]]
     top_deg, ate_m = _DRIFT_DEG_PER_M * _TABLE_ATE_M[-1], _TABLE_ATE_M[-1]
     return (
-        f"An angular ramp to {top_deg:g} deg, which the paper has at {ate_m} m, has an ATE of {float(np.mean(own)):.3f} "
-        "m on these paths; the table's phi in 3D is half of the ramp."
+        f"An angular ramp to {top_deg:g} deg, which the paper has at {ate_m} m, has an ATE of {np.mean(own):.3f} m on "
+        "these paths; the table's phi in 3D is half of the ramp."
     )
 
 
