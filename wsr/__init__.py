@@ -4,5 +4,6 @@ Pure maths, numpy in and numpy out; no files, sockets, clocks or logging. World 
 counter-clockwise from East, the polar angle from Up, both in radians. In the order of use: `channel` (one complex value
 per packet, pairing of forward and reverse), `displacement` (positions at packet times), `aperture` (the checked input),
 `aoa` (the estimate: `estimate_aoa`, protocol `Estimator`), and under it `kernel`, `profile`, `peaks` and `crb` (bounds,
-informativeness, angular drift); `geometry` and `frames` hold rotations and axes, `errors` the one refusal `ApertureError`.
+informativeness, angular drift); `geometry` and `frames` hold rotations and axes, `errors` the one refusal,
+`ApertureError`.
 """
