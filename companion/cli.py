@@ -18,6 +18,7 @@ _COMMANDS: Final = {
     "demo": "a full simulated rendezvous",
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
+    "study": "what the paper derives or simulates, beside its own numbers",
 }
 _MODULES: Final = {"engage": "control", "abort": "control", "status": "control"}
 

@@ -18,6 +18,7 @@ from companion.neighbours import Neighbour
 from companion.tracker import Bearing
 from companion.window import ApertureReport, SarWindow
 from wsr.aoa import AoaEstimate
+from wsr.crb.informativeness import Informativeness
 
 _LOCAL_CAPACITY = 20 * 120
 
@@ -43,6 +44,8 @@ class Iteration:
     compute_s: float
     estimate: AoaEstimate | None
     refusal: str
+    informativeness: Informativeness | None = None
+    """Of this leg's aperture; None for a refusal."""
 
     def bearing(self) -> Bearing | None:
         """What the tracker takes; None where nothing can steer."""
@@ -144,6 +147,7 @@ class SarIterations:
             result.compute_s,
             result.estimate,
             report.refusal or result.refusal,
+            result.informativeness,
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:
