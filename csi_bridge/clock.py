@@ -39,6 +39,7 @@ class NicClock:
         self._start_nic_ns = 0
         self._start_offset_ns = 0
         self._minima: deque[tuple[int, Point]] = deque(maxlen=_BUCKETS)
+        self._line = (0.0, 0.0)
         self.resets = 0
 
     def update(self, timestamp_low_us: int, t_mono_ns: int) -> int:
@@ -46,9 +47,30 @@ class NicClock:
         self._follow(timestamp_low_us, t_mono_ns)
         elapsed_ns = self._nic_ns - self._start_nic_ns
         offset_ns = t_mono_ns - self._nic_ns - self._start_offset_ns
-        self._keep(elapsed_ns, float(offset_ns))
-        slope, intercept = envelope([point for _, point in self._minima])
-        return min(t_mono_ns, self._nic_ns + self._start_offset_ns + round(slope * elapsed_ns + intercept))
+        if self._keep(elapsed_ns, float(offset_ns)):
+            self._line = envelope([point for _, point in self._minima])
+        return min(t_mono_ns, self._nic_ns + self._start_offset_ns + self._correction_ns(elapsed_ns))
+
+    def host_ns(self, timestamp_low_us: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
+        """Host times (N,) [ns] of packets received since the newest reset and within half an hour, by the relation as
+        it is known now, which is better than it was when each came. Raises ValueError before the first `update`."""
+        if self._last_stamp_us is None:
+            raise ValueError("no packet has been seen yet")
+        # A difference of uint32 wraps as the counter does; read as int32 it is signed.
+        since_us = (timestamp_low_us.astype(np.uint32) - np.uint32(self._last_stamp_us)).view(np.int32)
+        elapsed_ns = since_us.astype(np.int64) * 1000 + (self._nic_ns - self._start_nic_ns)
+        slope, intercept = self._line
+        start_ns = self._start_nic_ns + self._start_offset_ns
+        return np.asarray(start_ns + elapsed_ns + np.rint(slope * elapsed_ns + intercept).astype(np.int64))
+
+    @property
+    def span_s(self) -> float:
+        """How long a stretch the relation rests on."""
+        return (self._minima[-1][1][0] - self._minima[0][1][0]) * 1e-9 if self._minima else 0.0
+
+    def _correction_ns(self, elapsed_ns: int) -> int:
+        slope, intercept = self._line
+        return round(slope * elapsed_ns + intercept)
 
     def _follow(self, stamp_us: int, t_mono_ns: int) -> None:
         if self._last_stamp_us is None:
@@ -69,13 +91,17 @@ class NicClock:
         self._start_offset_ns = t_mono_ns - self._nic_ns
         self._minima.clear()
 
-    def _keep(self, elapsed_ns: int, offset_ns: float) -> None:
+    def _keep(self, elapsed_ns: int, offset_ns: float) -> bool:
+        """Whether the packet is one of those that the line rests on."""
         bucket = elapsed_ns // _BUCKET_NS
         point = (float(elapsed_ns), offset_ns)
         if not self._minima or bucket > self._minima[-1][0]:
             self._minima.append((bucket, point))
-        elif offset_ns < self._minima[-1][1][1]:
+            return True
+        if offset_ns < self._minima[-1][1][1]:
             self._minima[-1] = (bucket, point)
+            return True
+        return False
 
 
 def envelope(points: list[Point]) -> tuple[float, float]:
