@@ -47,6 +47,7 @@ _NS_PER_US: Final = 1000
 _NS_PER_AGE: Final = 100_000
 _MAX_AGE: Final = (1 << 14) - 1
 _NIC_BITS: Final = 22
+NIC_SPAN_US: Final = 1 << _NIC_BITS
 _COUNTED: Final = 1
 _MAX_METRES: Final = 2e5
 
@@ -59,6 +60,10 @@ class VersionError(WireError):
     """A robot of another version; which of the two must be updated is in the message."""
 
 
+class SignatureError(WireError):
+    """Not signed with any valid key of the sender it names."""
+
+
 class Role(IntEnum):
     UAV = 1
     BEACON = 2
@@ -66,7 +71,7 @@ class Role(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class PoseBatch:
-    """Poses of the sender: `t_ns` (N,) int64 on its monotonic clock, `p_enu_m` (N, 3), `confidence` (N,) uint8, 0..3."""
+    """Poses of the sender: `t_ns` (N,) int64 on its monotonic clock, `p_enu_m` (N, 3), `confidence` (N,) 0..3."""
 
     t_ns: npt.NDArray[np.int64]
     p_enu_m: npt.NDArray[np.float64]
@@ -161,8 +166,8 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
     """Raises WireError unless `data` is whole, of this version and signed with one of `keys`."""
     sender = sender_of(data)
     body, tag = data[:-_TAG_BYTES], data[-_TAG_BYTES:]
-    if not any([hmac.compare_digest(tag, _tag(body, key)) for key in keys]):
-        raise WireError(f"signature of sender {sender} is wrong: another key, or a forgery")
+    if not any(hmac.compare_digest(tag, _tag(body, key)) for key in keys):
+        raise SignatureError(f"signature of sender {sender} is wrong: another key, or a forgery")
     (_, _, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, spare, *base, frame, nic_us, age_us) = (
         _HEADER.unpack_from(body)
     )
@@ -226,7 +231,7 @@ def _csi_rows(csi: CsiBatch, sent_ns: int) -> tuple[npt.NDArray[np.void], int, i
         return rows, 0, 0, 0
     frame = (csi.frame - csi.frame[0]).astype(np.uint32)  # wraps as the counter does
     nic = (csi.nic_us - csi.nic_us[0]).astype(np.uint32)
-    age_us = int(round((sent_ns - int(csi.t_ns[0])) / _NS_PER_US))
+    age_us = round((sent_ns - int(csi.t_ns[0])) / _NS_PER_US)
     if frame.max() > 0xFFFF or nic.max() >= 1 << _NIC_BITS or not 0 <= age_us < 1 << 32:
         raise ValueError("frame counters must rise by less than 65536 and NIC stamps by less than 4.19 s")
     packed = nic | csi.antenna.astype(np.uint32) << _NIC_BITS

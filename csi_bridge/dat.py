@@ -83,14 +83,18 @@ class _Frames:
     groups: dict[Shape, list[tuple[int, npt.NDArray[np.intp]]]] = field(default_factory=lambda: defaultdict(list))
     """(number of the first record, offsets of the bodies) of each run of records of one shape."""
     records: int = 0
+    spans: list[tuple[int, int]] = field(default_factory=list)
+    """Where each sound frame begins and ends, in no order."""
     mpdu: int = 0
     unknown: int = 0
     malformed: int = 0
     skipped_bytes: int = 0
     truncated_bytes: int = 0
 
-    def count(self, code: int) -> None:
+    def count(self, code: int, start: int, end: int) -> None:
         """One more frame that is no sound CSI record."""
+        if code != CSI_CODE:
+            self.spans.append((start, end))
         self.malformed += code == CSI_CODE
         self.mpdu += code == MPDU_CODE
         self.unknown += code not in (CSI_CODE, MPDU_CODE)
@@ -106,6 +110,15 @@ def read_dat(path: str | Path) -> CsiLog:
     if count == 0 and frames.mpdu <= frames.malformed + frames.unknown:
         raise DatFileError(f"{path}: not a CSI log ({count} CSI records in {len(data)} bytes)")
     return _decode(path, np.frombuffer(data, np.uint8), frames, count)
+
+
+def frame_offsets(path: str | Path) -> tuple[bytes, list[tuple[int, int]]]:
+    """The file's bytes and where each sound frame of it, CSI or other, begins and ends. Raises as `read_dat`."""
+    data = _content(Path(path))
+    frames = _frames(data)
+    if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:
+        raise DatFileError(f"{path}: not a CSI log ({frames.records} CSI records in {len(data)} bytes)")
+    return data, sorted(frames.spans)
 
 
 def _content(path: Path) -> bytes:
@@ -132,7 +145,7 @@ def _frames(data: bytes) -> _Frames:
             runs.append(_Run(shape, start, end - start, _repeats(array, start, end - start)))
             start = runs[-1].end
         elif _leads_on(view, end):
-            found.count(code=view[start + 2] if end - start > 2 else CSI_CODE)
+            found.count(view[start + 2] if end - start > 2 else CSI_CODE, start, end)
             start = end
         elif end > len(view) and _leads_on(view, start) and _next_csi(data, start + 1) == len(view):
             break  # cut off by the end of the file
@@ -145,6 +158,7 @@ def _frames(data: bytes) -> _Frames:
     for run in runs:
         found.groups[run.shape].append((found.records, run.first + 3 + run.size * np.arange(run.count)))
         found.records += run.count
+        found.spans += [(at, at + run.size) for at in range(run.first, run.end, run.size)]
     return found
 
 

@@ -40,7 +40,7 @@ def reduce_channel(csi: NDArray[np.complex64]) -> tuple[Coefficients, NDArray[np
     slope = np.angle((values[:, two_apart + 1] * values[:, two_apart].conj()).sum(axis=1)) / 2
     projected = (values * np.exp(-1j * slope[:, None] * k)) @ _basis().conj()
     parts = np.stack([projected.real, projected.imag], axis=-1)
-    peak = np.abs(parts).reshape(len(values), -1).max(axis=1, initial=0.0)
+    peak = np.abs(parts).max(axis=(1, 2), initial=0.0)
     wanted = _SCALES_PER_OCTAVE * (np.log2(np.maximum(peak / _FULL, 1e-30)) - _SMALLEST_LOG2)
     scale = np.clip(np.ceil(wanted), 0, 255).astype(np.uint8)
     steps = np.clip(np.rint(parts / _unit(scale)[:, None, None]), -_FULL, _FULL)

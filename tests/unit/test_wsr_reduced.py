@@ -18,7 +18,7 @@ def channels(packets: int = 50, delay_std_s: float = 0.0, seed: int = 1) -> np.n
     )
     gains = np.array([1.0, 0.5, 0.2]) * np.exp(2j * np.pi * rng.random((packets, 3)))
     phase = np.exp(-2j * np.pi * SUBCARRIER_SPACING_HZ * SUBCARRIERS_20MHZ * delays[:, :, None])
-    return (30 * (gains[:, :, None] * phase).sum(axis=1)).astype(np.complex64)
+    return np.asarray(30 * (gains[:, :, None] * phase).sum(axis=1), np.complex64)
 
 
 def test_a_channel_of_a_room_survives_to_better_than_30_db() -> None:
