@@ -184,7 +184,7 @@ def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
         if (
             first is None
             or len(parts[-1]) == wire.MAX_CSI
-            or (row[0] - first[0]) % (1 << 32) > 0xFFFF
+            or (row[0] - first[0]) % (1 << 32) > wire.MAX_FRAME_STEP
             or (row[2] - first[2]) % (1 << 32) >= wire.NIC_SPAN_US
         ):
             parts.append([])

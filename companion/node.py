@@ -77,8 +77,8 @@ class Node:
         self.sender = NeighbourSender(role, config.id, own_key, config.neighbours.pose_rate_hz, self.book.own_boot_id)
         self.lookalikes = Lookalikes(names)
         self._on_sample = on_sample
-        self._source = _open_csi(config.csi, config)
-        self.radio = Radio(self._source, _macs(config), clock, self._take_sample, self._record_csi)
+        self._source = open_csi(config.csi, config)
+        self.radio = Radio(self._source, macs(config), clock, self._take_sample, self._record_csi)
         self._pinger: Pinger | None = open_pinger(config, clock)
         self._link: Link | None = None
         self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
@@ -193,11 +193,13 @@ def _keys(config: Config) -> dict[int, list[bytes]]:
     }
 
 
-def _macs(config: Config) -> dict[bytes, int]:
+def macs(config: Config) -> dict[bytes, int]:
+    """Id of each peer by the six bytes of its MAC."""
     return {bytes.fromhex(peer.mac.replace(":", "")): peer.id for peer in config.peers}
 
 
-def _open_csi(csi: CsiConfig, config: Config) -> CsiSource:
+def open_csi(csi: CsiConfig, config: Config) -> CsiSource:
+    """The configured source. Raises CompanionError."""
     try:
         if csi.source == "unix":
             return UnixSource(config.path(csi.socket), csi.receive_buffer_bytes)

@@ -88,7 +88,9 @@ class SarWindow:
         self._poses.append(pose.t_mono_ns, (*pose.p_enu_m, *pose.q_enu_from_body))
 
     def add_sample(self, sample: ChannelSample) -> None:
-        self._heard.setdefault(sample.peer, _Heard()).add(sample)
+        if sample.peer not in self._heard:
+            self._heard[sample.peer] = _Heard()
+        self._heard[sample.peer].add(sample)
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         """Length of the antenna's path, sampled at 20 Hz so that pose jitter does not count as motion."""

@@ -2,7 +2,7 @@
 layout byte by byte, with an example.
 
 Positions are of the antenna, ENU, North-aligned, from the sender's own origin. Times are of the sender's monotonic
-clock. A reverse channel is sent as `wsr.reduced` makes it: 17 bytes that keep what a bearing is made of.
+clock. A reverse channel is sent as `wsr.reduced` makes it: 13 bytes that keep what a bearing is made of.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _HEADER: Final = struct.Struct("<4sBBHQQqBBBBiiiIII")
 _POSE: Final = np.dtype([("age", "<u2"), ("dp", "<i2", (3,))])
 _CSI: Final = np.dtype(
     [
-        ("frame", "<u2"),
+        ("frame", "u1"),
         ("nic", "u1", (3,)),
         ("scale", "u1"),
         ("power", "i1"),
-        ("coefficients", "i1", (COEFFICIENTS, 2)),
+        ("coefficients", "u1", (COEFFICIENTS * 2 * 6 // 8,)),
     ]
 )
 POSE_BYTES: Final = _POSE.itemsize
@@ -49,6 +49,7 @@ _MAX_AGE: Final = (1 << 14) - 1
 _NIC_BITS: Final = 22
 NIC_SPAN_US: Final = 1 << _NIC_BITS
 _COUNTED: Final = 1
+MAX_FRAME_STEP: Final = 255
 _MAX_METRES: Final = 2e5
 
 
@@ -197,7 +198,7 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
             # Within one datagram both clocks run alike to ten microseconds.
             sent_ns + (later_us - age_us) * _NS_PER_US,
             (nic_us + later_us).astype(np.uint32),
-            csi_rows["coefficients"].copy(),
+            _unpacked(csi_rows["coefficients"]),
             csi_rows["scale"].copy(),
             csi_rows["power"].copy(),
             (nic >> _NIC_BITS).astype(np.uint8),
@@ -232,13 +233,25 @@ def _csi_rows(csi: CsiBatch, sent_ns: int) -> tuple[npt.NDArray[np.void], int, i
     frame = (csi.frame - csi.frame[0]).astype(np.uint32)  # wraps as the counter does
     nic = (csi.nic_us - csi.nic_us[0]).astype(np.uint32)
     age_us = round((sent_ns - int(csi.t_ns[0])) / _NS_PER_US)
-    if frame.max() > 0xFFFF or nic.max() >= 1 << _NIC_BITS or not 0 <= age_us < 1 << 32:
-        raise ValueError("frame counters must rise by less than 65536 and NIC stamps by less than 4.19 s")
+    if frame.max() > MAX_FRAME_STEP or nic.max() >= 1 << _NIC_BITS or not 0 <= age_us < 1 << 32:
+        raise ValueError("frame counters must rise by less than 256 and NIC stamps by less than 4.19 s")
     packed = nic | csi.antenna.astype(np.uint32) << _NIC_BITS
     rows["frame"] = frame
     rows["nic"] = np.stack([packed & 255, packed >> 8 & 255, packed >> 16 & 255], axis=1)
-    rows["scale"], rows["power"], rows["coefficients"] = csi.scale, csi.power_dbm, csi.coefficients
+    rows["scale"], rows["power"], rows["coefficients"] = csi.scale, csi.power_dbm, _packed(csi.coefficients)
     return rows, int(csi.frame[0]), int(csi.nic_us[0]), age_us
+
+
+def _packed(coefficients: npt.NDArray[np.int8]) -> npt.NDArray[np.uint8]:
+    """(N, 8, 2) of -31..31 -> (N, 12): four numbers in three bytes, each plus 32, the first in the lowest bits."""
+    fours = (coefficients.reshape(-1, 4).astype(np.int32) + 32) @ np.array([1, 1 << 6, 1 << 12, 1 << 18])
+    return np.asarray(fours.astype("<u4")[:, np.newaxis].view(np.uint8)[:, :3]).reshape(len(coefficients), -1)
+
+
+def _unpacked(packed: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
+    fours = packed.reshape(-1, 3).astype(np.int32) @ np.array([1, 1 << 8, 1 << 16])
+    parts = (fours[:, np.newaxis] >> np.array([0, 6, 12, 18]) & 63) - 32
+    return parts.astype(np.int8).reshape(len(packed), COEFFICIENTS, 2)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -83,8 +83,9 @@ class _Frames:
     groups: dict[Shape, list[tuple[int, npt.NDArray[np.intp]]]] = field(default_factory=lambda: defaultdict(list))
     """(number of the first record, offsets of the bodies) of each run of records of one shape."""
     records: int = 0
-    spans: list[tuple[int, int]] = field(default_factory=list)
-    """Where each sound frame begins and ends, in no order."""
+    runs: list[_Run] = field(default_factory=list)
+    others: list[tuple[int, int]] = field(default_factory=list)
+    """Where each frame of another code begins and ends."""
     mpdu: int = 0
     unknown: int = 0
     malformed: int = 0
@@ -94,7 +95,7 @@ class _Frames:
     def count(self, code: int, start: int, end: int) -> None:
         """One more frame that is no sound CSI record."""
         if code != CSI_CODE:
-            self.spans.append((start, end))
+            self.others.append((start, end))
         self.malformed += code == CSI_CODE
         self.mpdu += code == MPDU_CODE
         self.unknown += code not in (CSI_CODE, MPDU_CODE)
@@ -118,7 +119,8 @@ def frame_offsets(path: str | Path) -> tuple[bytes, list[tuple[int, int]]]:
     frames = _frames(data)
     if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:
         raise DatFileError(f"{path}: not a CSI log ({frames.records} CSI records in {len(data)} bytes)")
-    return data, sorted(frames.spans)
+    runs = ((at, at + run.size) for run in frames.runs for at in range(run.first, run.end, run.size))
+    return data, sorted([*frames.others, *runs])
 
 
 def _content(path: Path) -> bytes:
@@ -155,10 +157,10 @@ def _frames(data: bytes) -> _Frames:
             found.skipped_bytes += resumed - start
             start = resumed
     found.truncated_bytes = len(view) - start
+    found.runs = runs
     for run in runs:
         found.groups[run.shape].append((found.records, run.first + 3 + run.size * np.arange(run.count)))
         found.records += run.count
-        found.spans += [(at, at + run.size) for at in range(run.first, run.end, run.size)]
     return found
 
 

@@ -23,6 +23,8 @@ class Feeder(Protocol):
 
     def send(self, code: int, body: bytes) -> bool: ...
 
+    def close(self) -> None: ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tape:
@@ -76,8 +78,8 @@ def read_tape(path: Path) -> Tape:
 def play(
     tape: Tape, feeder: Feeder, rate: float, now_s: Callable[[], float] = time.monotonic
 ) -> Iterator[tuple[int, int]]:
-    """Sends every record at its time, `rate` times as fast; blocks in between. Yields (records due, records taken) about
-    every tenth of a second. What the receiver has no room for is lost, as with the driver."""
+    """Sends every record at its time, `rate` times as fast; blocks in between. Yields (records due, records taken)
+    about every tenth of a second. What the receiver has no room for is lost, as with the driver."""
     start_s = now_s()
     due = taken = 0
     shown_s = start_s
@@ -93,5 +95,3 @@ def play(
         if due < len(tape.records):
             time.sleep(max(_SHORTEST_SLEEP_S, (float(tape.t_s[due]) - reached_s) / rate))
     yield due, taken
-
-
