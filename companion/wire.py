@@ -251,7 +251,7 @@ def _packed(coefficients: npt.NDArray[np.int8]) -> npt.NDArray[np.uint8]:
 def _unpacked(packed: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
     fours = packed.reshape(-1, 3).astype(np.int32) @ np.array([1, 1 << 8, 1 << 16])
     parts = (fours[:, np.newaxis] >> np.array([0, 6, 12, 18]) & 63) - 32
-    return parts.astype(np.int8).reshape(len(packed), COEFFICIENTS, 2)
+    return np.asarray(parts.reshape(len(packed), COEFFICIENTS, 2), np.int8)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -223,7 +223,7 @@ def _robots(
     ids = {name: number for number, name in enumerate(macs, 2)}
     start_s = float(rx.t_s[0]) - 0.05
     robots = []
-    for name, number in [("rx", RX_ID), *ids.items()]:
+    for name in ("rx", *ids):
         place = folder / name
         place.mkdir(parents=True)
         write_key(place / "own.key")
