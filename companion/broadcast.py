@@ -28,7 +28,13 @@ class NeighbourSender:
     """Collects poses and reverse channels and makes a signed datagram of them when asked. `boot_id` as of BootBook."""
 
     def __init__(
-        self, role: wire.Role, own_id: int, key: bytes, pose_rate_hz: float, boot_id: int, counted: bool = True
+        self,
+        role: wire.Role,
+        own_id: int,
+        key: bytes,
+        pose_rate_hz: float,
+        boot_id: int,
+        budget_bytes_s: float = BYTES_PER_S,
     ) -> None:
         self._role = role
         self._id = own_id
@@ -36,11 +42,12 @@ class NeighbourSender:
         self._pose_period_ns = round(NS_PER_S / pose_rate_hz)
         self._boot_id = boot_id
         self._counter = 0
-        self._counted = counted
+        self._counted = True
+        self._budget_bytes_s = budget_bytes_s
         self._newest_pose_ns = 0
         self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
         self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
-        self._allowance = BYTES_PER_S * _BURST_S
+        self._allowance = budget_bytes_s * _BURST_S
         self._asked_ns: int | None = None
         self.dropped = 0
         """Values that a newer one pushed out because datagrams were not sent in time, or that fit no datagram."""
@@ -72,8 +79,8 @@ class NeighbourSender:
         """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
         the pinging robot's counter. Sent at `now_ns`."""
         if self._asked_ns is not None:
-            earned = BYTES_PER_S * (now_ns - self._asked_ns) / NS_PER_S
-            self._allowance = min(BYTES_PER_S * _BURST_S, self._allowance + earned)
+            earned = self._budget_bytes_s * (now_ns - self._asked_ns) / NS_PER_S
+            self._allowance = min(self._budget_bytes_s * _BURST_S, self._allowance + earned)
         self._asked_ns = now_ns
         poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
         self.dropped += len(self._poses) - len(poses)

@@ -124,15 +124,15 @@ class Neighbour:
         order = np.argsort(t_ns, kind="stable")  # datagrams may arrive out of order
         return t_ns[order], p_enu_m[order]
 
-    def add_forward(self, frame: int | None, t_ns: int) -> None:
+    def add_forward(self, frame: int | None, t_ns: int, nic_us: int) -> None:
         """We heard a packet of it."""
-        self.pairing.add_forward(frame, t_ns)
+        self.pairing.add_forward(frame, t_ns, nic_us)
 
     def relate_uncounted(self, now_ns: int) -> None:
         """Where there are no counters, once a second: relates the clocks by the times of the last seconds."""
         if not self.counted:
             since_ns = now_ns - 5 * NS_PER_S
-            self.pairing.match_uncounted(self.channels_since(since_ns).t_ns, since_ns)
+            self.pairing.match_uncounted(self.channels_since(since_ns), since_ns)
 
     def refuse(self, reason: str, now_ns: int) -> None:
         self.refusal, self.refused_ns = reason, now_ns

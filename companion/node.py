@@ -74,7 +74,14 @@ class Node:
         self.book = BootBook(config.path(config.state_dir))
         self.receiver = NeighbourReceiver(config.id, names, _keys(config), clock, self.book, we_ping=is_uav)
         role = wire.Role.UAV if is_uav else wire.Role.BEACON
-        self.sender = NeighbourSender(role, config.id, own_key, config.neighbours.pose_rate_hz, self.book.own_boot_id)
+        self.sender = NeighbourSender(
+            role,
+            config.id,
+            own_key,
+            config.neighbours.pose_rate_hz,
+            self.book.own_boot_id,
+            config.neighbours.budget_bytes_s,
+        )
         self.lookalikes = Lookalikes(names)
         self._on_sample = on_sample
         self._source = open_csi(config.csi, config)
@@ -172,7 +179,7 @@ class Node:
         self._on_pose(pose)
 
     def _take_sample(self, sample: ChannelSample) -> None:
-        self.receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns)
+        self.receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
         self._on_sample(sample)
 
     def _drain_link(self) -> None:

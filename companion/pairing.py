@@ -6,11 +6,10 @@ from collections import OrderedDict, deque
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from companion import wire
 from companion.clock import NS_PER_S
-from companion.clock_relation import ClockRelation, match
+from companion.clock_relation import ClockRelation, card_times, match
 
 _OPEN: Final = 2048
 """Forward packets that wait for their reverse channel: over ten seconds' worth."""
@@ -27,7 +26,8 @@ class Pairing:
         self._open: OrderedDict[int, int] = OrderedDict()
         self._buckets: deque[list[int]] = deque(maxlen=_SPAN_S + _LATE_S + 1)
         """[second, forward packets, of which paired]"""
-        self._uncounted: deque[int] = deque(maxlen=_OPEN)
+        self._uncounted: deque[tuple[int, int]] = deque(maxlen=_OPEN)
+        """(time, card's stamp)"""
         self.paired = 0
 
     def clear(self) -> None:
@@ -35,10 +35,10 @@ class Pairing:
         self._buckets.clear()
         self._uncounted.clear()
 
-    def add_forward(self, frame: int | None, t_ns: int) -> None:
-        """A packet of the neighbour was heard at `t_ns`."""
+    def add_forward(self, frame: int | None, t_ns: int, nic_us: int) -> None:
+        """A packet of the neighbour was heard at `t_ns`, by the card's clock at `nic_us`."""
         if frame is None:
-            self._uncounted.append(t_ns)
+            self._uncounted.append((t_ns, nic_us))
             self._count(t_ns, 1, 0)
             return
         if frame in self._open:
@@ -60,11 +60,12 @@ class Pairing:
                 self._count(ours_ns, 0, 1)
                 self._relation.add_exchange(ours_ns, theirs_ns)
 
-    def match_uncounted(self, theirs_ns: npt.NDArray[np.int64], since_ns: int) -> None:
+    def match_uncounted(self, theirs: wire.CsiBatch, since_ns: int) -> None:
         """Without counters: both series of the last seconds at once, once a second or so."""
-        ours_ns = np.array([t for t in self._uncounted if t >= since_ns], np.int64)
-        self._relation.add_uncounted(ours_ns, theirs_ns)
-        lag_ns = self._relation.lag_ns(ours_ns, theirs_ns)
+        ours = np.array([row for row in self._uncounted if row[0] >= since_ns], np.int64).reshape(-1, 2)
+        ours_ns = card_times(ours[:, 1], ours[:, 0])
+        theirs_ns = card_times(theirs.nic_us.astype(np.int64), theirs.t_ns)
+        lag_ns = self._relation.add_uncounted(ours_ns, theirs_ns)
         for bucket in self._buckets:
             bucket[2] = 0
         if lag_ns is not None:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from companion import wire
 from companion.clock import NS_PER_S
-from companion.clock_relation import match
+from companion.clock_relation import card_times, match
 from companion.history import History
 from companion.messages import Pose, Vector3
 from companion.neighbours import Neighbour
@@ -147,7 +148,7 @@ class SarWindow:
         if neighbour.counted:
             i, j = pair_by_counter(forward.frame.astype(np.uint32), reverse.frame[usable])
         else:
-            i, j = _pair_by_time(neighbour, forward.t_ns, reverse.t_ns[usable])
+            i, j = _pair_by_time(neighbour, forward, reverse, usable)
         dropped["unpaired"] = len(forward.t_ns) - len(i)
         if not len(i):
             raise ApertureError(f"none of the {len(forward.t_ns)} packets of {neighbour.name} has its reverse channel")
@@ -199,8 +200,10 @@ class _Forward:
 
 
 def _pair_by_time(
-    neighbour: Neighbour, ours_ns: Times, theirs_ns: Times
+    neighbour: Neighbour, forward: _Forward, reverse: wire.CsiBatch, usable: npt.NDArray[np.intp]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    ours_ns = card_times(forward.nic_us, forward.t_ns)
+    theirs_ns = card_times(reverse.nic_us[usable].astype(np.int64), reverse.t_ns[usable])
     lag_ns = neighbour.relation.lag_ns(ours_ns, theirs_ns)
     if lag_ns is None:
         raise ApertureError(

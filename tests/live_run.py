@@ -43,6 +43,8 @@ RX_MAC: Final = {"wsr_dataset_dev": "00:21:6A:53:89:D2", "wsr_3d": "00:21:6A:C5:
 _TAIL_S: Final = 1.0
 _ZERO_S: Final = 1000.0
 """On the receiving robot's clock when the tapes start: a host has been up for a while."""
+_BUDGET_BYTES_S: Final = 8000.0
+"""The runs in three dimensions have 250 pings a second, which is beyond the default budget."""
 _LONGEST_GAP_S: Final = 0.25
 _TICK_S: Final = 0.0005
 
@@ -50,13 +52,13 @@ _TICK_S: Final = 0.0005
 class FastClock:
     """The host's monotonic clock from one moment on, faster, and with another zero."""
 
-    def __init__(self, rate: float, zero_s: float, offset_s: float = 0.0) -> None:
+    def __init__(self, rate: float, offset_s: float = 0.0) -> None:
         self._rate = rate
-        self._zero_s = zero_s
+        self.zero_s = time.monotonic()
         self.offset_ns = round(offset_s * NS_PER_S)
 
     def now_ns(self) -> int:
-        return round((time.monotonic() - self._zero_s) * self._rate * NS_PER_S) + self.offset_ns
+        return round((time.monotonic() - self.zero_s) * self._rate * NS_PER_S) + self.offset_ns
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
         await asyncio.sleep(max(0, deadline_ns - self.now_ns()) / NS_PER_S / self._rate)
@@ -141,6 +143,9 @@ async def run_live(run: Run, kind: PoseKind, folder: Path, rate: float) -> list[
     window.nic_clock = uav.node.radio.nic_clock
     for robot in beacons:
         robot.node = _beacon_node(robot, recorder)
+    zero_s = time.monotonic() + 0.05
+    for robot in robots:
+        robot.clock.zero_s = zero_s
     async with asyncio.TaskGroup() as tasks:
         running = [tasks.create_task(robot.node.run()) for robot in robots if robot.node is not None]
         await _play(robots, trajectory, rx.duration_s + _TAIL_S)
@@ -219,7 +224,6 @@ def _robots(
     kind, _ = transport()
     rx_mac = next(mac for part, mac in RX_MAC.items() if part in str(run.folder.resolve()))
     port = _free_port()
-    zero_s = time.monotonic() + 0.3
     ids = {name: number for number, name in enumerate(macs, 2)}
     start_s = float(rx.t_s[0]) - 0.05
     robots = []
@@ -246,7 +250,7 @@ def _robots(
                 require_kernel_sender=False,
                 receive_buffer_bytes=16 << 20,
             ),
-            neighbours=NeighbourConfig("own.key", port, "127.255.255.255"),
+            neighbours=NeighbourConfig("own.key", port, "127.255.255.255", budget_bytes_s=_BUDGET_BYTES_S),
             peers=peers,
             runtime_dir=str(place),
             state_dir="state",
@@ -256,7 +260,7 @@ def _robots(
         offset_s = 0.0 if name == "rx" else clock_offset_s(rx, tapes[name], macs[name], rx_mac)
         feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
         # The recorded offset sets the beacon's clock; its tape plays when the air carried it.
-        clock = FastClock(rate, zero_s, _ZERO_S + offset_s)
+        clock = FastClock(rate, _ZERO_S + offset_s)
         tape = rx if name == "rx" else tapes[name]
         robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
     return robots
