@@ -1,15 +1,16 @@
 """A recorded run through the service's own inputs: CSI of each robot into its connector, poses into its socket, UDP
 between them. What comes out is compared with the analysis of the files.
 
-Each robot has a clock of its own, which runs `rate` times as fast as real time and differs from the others' by what the
-clocks of the recording differed.
+Sockets and kernel are real; time is not: it goes on in steps, each as soon as everybody has taken what the step before
+brought. So a loaded machine makes it slower, not different. Each robot has a clock of its own, which differs from the
+others' by what the clocks of the recording differed.
 """
 
 from __future__ import annotations
 
 import asyncio
+import heapq
 import socket
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -46,22 +47,47 @@ _ZERO_S: Final = 1000.0
 _BUDGET_BYTES_S: Final = 8000.0
 """The runs in three dimensions have 250 pings a second, which is beyond the default budget."""
 _LONGEST_GAP_S: Final = 0.25
-_TICK_S: Final = 0.0005
+_STEP_NS: Final = 2_000_000
+_STILL_NS: Final = 10 * _STEP_NS
+_TURNS: Final = 4
 
 
-class FastClock:
-    """The host's monotonic clock from one moment on, faster, and with another zero."""
+class Timeline:
+    """Time that somebody else moves on, and who waits for it."""
 
-    def __init__(self, rate: float, offset_s: float = 0.0) -> None:
-        self._rate = rate
-        self.zero_s = time.monotonic()
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self._sleepers: list[tuple[int, int, asyncio.Future[None]]] = []
+        self._number = 0
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        self._number += 1
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        heapq.heappush(self._sleepers, (deadline_ns, self._number, future))
+        await future
+
+    async def advance(self, to_ns: int) -> None:
+        self.now_ns = to_ns
+        while self._sleepers and self._sleepers[0][0] <= to_ns:
+            future = heapq.heappop(self._sleepers)[2]
+            if not future.done():
+                future.set_result(None)
+        for _ in range(_TURNS):  # whoever was woken sends, and whoever is sent to reads
+            await asyncio.sleep(0)
+
+
+class RobotClock:
+    """The timeline as one robot's host counts it."""
+
+    def __init__(self, timeline: Timeline, offset_s: float) -> None:
+        self._timeline = timeline
         self.offset_ns = round(offset_s * NS_PER_S)
 
     def now_ns(self) -> int:
-        return round((time.monotonic() - self.zero_s) * self._rate * NS_PER_S) + self.offset_ns
+        return self._timeline.now_ns + self.offset_ns
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
-        await asyncio.sleep(max(0, deadline_ns - self.now_ns()) / NS_PER_S / self._rate)
+        await self._timeline.sleep_until_ns(deadline_ns - self.offset_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +121,7 @@ class _Robot:
 
     config: Config
     tape: Tape
-    clock: FastClock
+    clock: RobotClock
     play_from_s: float
     """Tape time at the common zero."""
     feeder: Feeder
@@ -105,8 +131,8 @@ class _Robot:
         default_factory=lambda: socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
     )
 
-    def feed(self) -> None:
-        reached_s = self.play_from_s + (self.clock.now_ns() - self.clock.offset_ns) / NS_PER_S
+    def feed(self, now_ns: int) -> None:
+        reached_s = self.play_from_s + now_ns / NS_PER_S
         last = int(np.searchsorted(self.tape.t_s, reached_s, "right"))
         for code, body in self.tape.records[self.next_record : last]:
             self.feeder.send(code, body)
@@ -114,10 +140,7 @@ class _Robot:
 
     def send_pose(self, t_ns: int, p_m: tuple[float, float, float]) -> None:
         raw = pose_wire.RawPose(t_ns, p_m, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, pose_wire.PoseFrame.ENU)
-        try:
-            self.pose_socket.sendto(pose_wire.encode(raw), str(self.config.path(self.config.pose.socket)))
-        except BlockingIOError:
-            return
+        self.pose_socket.sendto(pose_wire.encode(raw), str(self.config.path(self.config.pose.socket)))
 
 
 def transport() -> tuple[str, str]:
@@ -126,7 +149,7 @@ def transport() -> tuple[str, str]:
     return ("netlink", "") if reason is None else ("unix", reason)
 
 
-async def run_live(run: Run, kind: PoseKind, folder: Path, rate: float) -> list[LiveLink]:
+async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     """Plays all of `run` and cuts one aperture for each transmitter."""
     assert run.rx is not None
     trajectory = read_trajectory(run.trajectories[kind], kind)
@@ -135,7 +158,8 @@ async def run_live(run: Run, kind: PoseKind, folder: Path, rate: float) -> list[
     names = [name for name in tapes if analysed[name].estimate is not None]
     assert run.truth is not None
     channel = read_truth(run.truth).channel
-    robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, rate, channel)
+    timeline = Timeline()
+    robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel)
     recorder = Recorder(folder / "log.mcap", robots[0].config, "test", 100_000)
     window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
     uav, beacons = robots[0], robots[1:]
@@ -143,12 +167,9 @@ async def run_live(run: Run, kind: PoseKind, folder: Path, rate: float) -> list[
     window.nic_clock = uav.node.radio.nic_clock
     for robot in beacons:
         robot.node = _beacon_node(robot, recorder)
-    zero_s = time.monotonic() + 0.05
-    for robot in robots:
-        robot.clock.zero_s = zero_s
     async with asyncio.TaskGroup() as tasks:
         running = [tasks.create_task(robot.node.run()) for robot in robots if robot.node is not None]
-        await _play(robots, trajectory, rx.duration_s + _TAIL_S)
+        await _play(timeline, robots, trajectory, rx.duration_s + _TAIL_S)
         links = []
         end_ns = uav.clock.now_ns()
         for number, name in enumerate(names, 2):
@@ -195,30 +216,26 @@ def _beacon_node(robot: _Robot, recorder: Recorder) -> Node:
     return node
 
 
-async def _play(robots: list[_Robot], trajectory: Trajectory, duration_s: float) -> None:
+async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory, duration_s: float) -> None:
     uav = robots[0]
     keep = np.isfinite(trajectory.p_enu_m).all(axis=1)
     pose_s, pose_m = trajectory.t_s[keep] - uav.play_from_s, trajectory.p_enu_m[keep]
-    next_pose, still_ns = int(np.searchsorted(pose_s, -1.0)), 0
-    while (now_s := (uav.clock.now_ns() - uav.clock.offset_ns) / NS_PER_S) < duration_s:
-        if now_s >= 0:
-            last = int(np.searchsorted(pose_s, now_s, "right"))
-            for number in range(next_pose, last):
-                x, y, z = pose_m[number].tolist()
-                if pose_s[number] > 0:
-                    uav.send_pose(round(pose_s[number] * NS_PER_S) + uav.clock.offset_ns, (x, y, z))
-            next_pose = max(next_pose, last)
-            while still_ns < now_s * NS_PER_S:
-                for robot in robots[1:]:
-                    robot.send_pose(still_ns + robot.clock.offset_ns + 1, (0.0, 0.0, 0.0))
-                still_ns += NS_PER_S // 60
-            for robot in robots:
-                robot.feed()
-        await asyncio.sleep(_TICK_S)
+    next_pose = int(np.searchsorted(pose_s, 0.0, "right"))
+    for now_ns in range(0, round(duration_s * NS_PER_S), _STEP_NS):
+        last = int(np.searchsorted(pose_s, now_ns / NS_PER_S, "right"))
+        for number in range(next_pose, last):
+            x, y, z = pose_m[number].tolist()
+            uav.send_pose(round(pose_s[number] * NS_PER_S) + uav.clock.offset_ns, (x, y, z))
+        next_pose = max(next_pose, last)
+        for robot in robots:
+            robot.feed(now_ns)
+            if robot is not uav and now_ns % _STILL_NS == 0:
+                robot.send_pose(now_ns + robot.clock.offset_ns, (0.0, 0.0, 0.0))
+        await timeline.advance(now_ns)
 
 
 def _robots(
-    run: Run, macs: dict[str, str], rx: Tape, tapes: dict[str, Tape], folder: Path, rate: float, channel: int
+    run: Run, macs: dict[str, str], rx: Tape, tapes: dict[str, Tape], folder: Path, timeline: Timeline, channel: int
 ) -> list[_Robot]:
     """The receiving robot first. Tapes start together as the air did; clocks differ as they did."""
     kind, _ = transport()
@@ -260,7 +277,7 @@ def _robots(
         offset_s = 0.0 if name == "rx" else clock_offset_s(rx, tapes[name], macs[name], rx_mac)
         feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
         # The recorded offset sets the beacon's clock; its tape plays when the air carried it.
-        clock = FastClock(rate, _ZERO_S + offset_s)
+        clock = RobotClock(timeline, _ZERO_S + offset_s)
         tape = rx if name == "rx" else tapes[name]
         robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
     return robots
