@@ -47,8 +47,8 @@ _ZERO_S: Final = 1000.0
 _BUDGET_BYTES_S: Final = 8000.0
 """The runs in three dimensions have 250 pings a second, which is beyond the default budget."""
 _LONGEST_GAP_S: Final = 0.25
-_STEP_NS: Final = 2_000_000
-_STILL_NS: Final = 10 * _STEP_NS
+_STEP_NS: Final = 500_000
+_STILL_NS: Final = 20_000_000
 _TURNS: Final = 4
 
 
