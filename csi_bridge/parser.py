@@ -130,11 +130,12 @@ class CsiLogParser:
         if len(data) - start < 3:
             return None
         length = data[start] << 8 | data[start + 1]
-        if not 1 <= length <= MAX_FRAME:
+        longest = MAX_FRAME if data[start + 2] == MPDU_CODE else MAX_CSI_FRAME
+        if not 1 <= length <= longest:
             offset = self._offset
             self._lost = True
             self._skip(start + 1)
-            raise CsiError(f"record length {length}, expected 1..{MAX_FRAME}", offset)
+            raise CsiError(f"record length {length}, expected 1..{longest}", offset)
         return data[start + 2], start + 2 + length
 
     def _leave(self, size: int) -> bool:
