@@ -16,6 +16,8 @@ MAX_SLOPE: Final = 100e-6
 """Two crystals of +-20 ppm each and some margin for a host clock that is being slewed."""
 _WRAP_US: Final = 1 << 32
 _RESET_NS: Final = 500_000_000
+_LATEST_NS: Final = 10_000_000_000
+"""A host that stalled finds old records in its socket: late, and still of the same clock."""
 _BUCKET_NS: Final = 500_000_000
 _BUCKETS: Final = 20
 _SLOPE_SPAN_NS: Final = 3_000_000_000
@@ -28,8 +30,8 @@ Point = tuple[float, float]
 class NicClock:
     """Maps each packet's NIC time stamp to the host's monotonic clock. One clock for each NIC.
 
-    Wraps of the 32-bit counter are followed; a counter that disagrees with the host by more than half a second since
-    the packet before has been reset, and the mapping starts over.
+    Wraps of the 32-bit counter are followed. A counter that went back, that is half a second ahead of the host, or ten
+    seconds behind it has been reset, and the mapping starts over.
     """
 
     def __init__(self) -> None:
@@ -79,7 +81,8 @@ class NicClock:
             # Signed, so that records that arrive slightly out of order do not count as a wrap.
             step_us = (stamp_us - self._last_stamp_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
             step_ns = step_us * 1000
-            if abs(step_ns - (t_mono_ns - self._last_mono_ns)) > _RESET_NS:
+            late_ns = t_mono_ns - self._start_offset_ns - self._nic_ns - step_ns
+            if step_ns < -_RESET_NS or not -_RESET_NS < late_ns < _LATEST_NS:
                 self.resets += 1
                 self._restart(stamp_us, t_mono_ns)
             else:

@@ -82,7 +82,7 @@ def test_fault_22_the_age_of_data_is_right_over_a_lossy_network() -> None:
 
 def test_fault_22_the_bearing_stays_within_a_fifth_of_the_clean_one() -> None:
     rng = random.Random(22)
-    scenes = [Scene(math.radians(azimuth), seed=seed) for seed, azimuth in enumerate((-150, -60, 20, 75, 130), 3)]
+    scenes = [Scene(math.radians(azimuth)) for azimuth in (-130, 10, 45, 100)]
     clean = [scene.error_deg(scene.cut()) for scene in scenes]
     lossy = []
     for scene in scenes:
