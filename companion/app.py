@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import importlib.metadata
 import logging
 import signal
@@ -94,9 +95,13 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
         sar.take(result)
 
     def on_iteration(iteration: Iteration, profile: bytes) -> None:
+        doubt = node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
+        if doubt and config.neighbours.refuse_lookalikes:
+            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
         flight.take(iteration, profile)
 
     node = Node(config, clock, recorder, on_sample, window.add_pose)
+    window.nic_clock = node.radio.nic_clock
     process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
     sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration)
     autopilot = MavsdkAutopilot(config.autopilot.url, clock)

@@ -20,6 +20,7 @@ Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
+Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
 Metres3 = tuple[float, float, float]
 
 
@@ -35,6 +36,8 @@ class CsiConfig:
     require_kernel_sender: bool = True
     """Refuse records that another process sent to the connector group. Only a simulation turns this off."""
     socket: str = "csi.sock"
+    interface: str | None = None
+    """The card's monitor interface, for example mon0: pings are sent there, and `doctor radio` looks at it."""
     receive_buffer_bytes: Annotated[int, Meta(ge=65536)] = 4 << 20
 
 
@@ -61,6 +64,10 @@ class Peer:
     name: Annotated[str, Meta(min_length=1, max_length=32)]
     mac: Mac
     key_file: str
+    next_key_file: str | None = None
+    """Also valid, while keys are being replaced."""
+    ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
+    """Bytes on the air, with check sum, of the frames that this robot's driver answers; each beacon has its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +77,28 @@ class NeighbourConfig:
     key_file: str
     """Our own key, 32 bytes or more, readable by the owner only."""
     port: Annotated[int, Meta(ge=1, le=65535)] = 17650
-    broadcast: str = "127.255.255.255"
+    broadcast: Ipv4 = "127.255.255.255"
+    """The broadcast address of the robots' network, or a multicast group."""
+    interface: str | None = None
+    """The network interface of that address; its bytes per second are shown in health where it is given."""
+    refuse_lookalikes: bool = False
+    """Let a robot whose profiles cannot be told from another's steer nothing. It is reported in any case."""
     rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
     pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
+    budget_bytes_s: Annotated[float, Meta(ge=2000, le=50000)] = 5000.0
+    """Of our datagrams with UDP and IP headers; channels beyond it are left out evenly. 5000 carries 195 packets/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class PingConfig:
+    """What we transmit on the card's interface. Without `csi.interface` nothing is sent."""
+
+    enabled: bool = False
+    """Role uav: ping the beacons in turn. Role beacon: answer pings from user space, where the driver does not."""
+    rate_hz: Annotated[float, Meta(ge=60, le=200)] = 120.0
+    """Of all pings together."""
+    mcs: Annotated[int, Meta(ge=0, le=7)] = 1
+    """HT rate of one stream, 20 MHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +174,12 @@ class Config:
     neighbours: NeighbourConfig
     peers: list[Peer]
     runtime_dir: str = "/run/companion"
+    state_dir: str = "/var/lib/companion"
+    """What must outlive a restart: the numbers that make replayed datagrams show."""
+    ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
+    """Role beacon: bytes on the air, with check sum, of the frames that are for us."""
     control_socket: str = "control.sock"
+    ping: PingConfig = field(default_factory=PingConfig)
     pose: PoseConfig = field(default_factory=PoseConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     aperture: ApertureConfig = field(default_factory=ApertureConfig)
@@ -177,6 +208,8 @@ class Config:
             found += [
                 f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
             ]
+        if self.ping.enabled and self.csi.interface is None:
+            found.append("ping.enabled: needs csi.interface, the card's monitor interface")
         if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:
             found.append(f"mission.target: {self.mission.target} is the id of no peer")
         found += [f"peers: id {p.id} is this robot's own id" for p in self.peers if p.id == self.id]

@@ -18,6 +18,7 @@ from companion.config import Config
 from companion.gate import Gate, GateLimits
 from companion.messages import FlightMode, VehicleState
 from companion.mission import Action, Event, State
+from companion.neighbours import Neighbour
 from companion.node import Node
 from companion.recorder import Recorder
 from companion.sar import Iteration, SarIterations
@@ -134,7 +135,10 @@ class Flight:
             "no packets of the target": self._age_s(self._packet_ns) > silent_s,
             "the AOA worker is not ready": not self._sar.is_ready,
         }
-        return [reason for reason, is_missing in checks.items() if is_missing]
+        missing = [reason for reason, is_missing in checks.items() if is_missing]
+        if not missing and (doubt := self._target_neighbour().not_locked(self._clock.now_ns())):
+            missing.append(doubt)
+        return missing
 
     def status(self) -> dict[str, Any]:
         """For a person: what is going on, angles in degrees."""
@@ -353,7 +357,10 @@ class Flight:
             _log.error("Hold was commanded but not confirmed; the autopilot's loss-of-stream failsafe takes over")
 
     def _datagram_age_s(self) -> float:
-        return self._age_s(self._node.receiver.neighbours[self._config.target].heard_ns)
+        return self._age_s(self._target_neighbour().heard_ns)
+
+    def _target_neighbour(self) -> Neighbour:
+        return self._node.receiver.neighbours[self._config.target]
 
     def _age_s(self, t_ns: int | None) -> float:
         return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S

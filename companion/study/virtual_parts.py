@@ -19,9 +19,9 @@ from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Trajectory
 from companion.sim.vio import Camera
 from companion.study.virtual_clock import VirtualClock
-from csi_bridge.records import CsiRecord
+from csi_bridge.records import SUBCARRIERS, CsiRecord
+from csi_bridge.scaling import total_rss_dbm
 from wsr.aperture import Aperture
-from wsr.channel import centre_channel
 from wsr.estimators import ESTIMATORS
 
 UAV_ID, BEACON_ID = 1, 2
@@ -142,12 +142,11 @@ def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
     """The same values as `companion.radio.Radio` gives, for all records at once."""
     if not records:
         return []
-    csi = np.array([record.csi[:, :, 0] for record in records]).swapaxes(1, 2)
-    centre = centre_channel(csi)
     samples = []
-    for record, row in zip(records, centre, strict=True):
-        values = np.zeros(ANTENNAS, np.complex64)
-        values[list(record.antennas)] = row
+    for record in records:
+        csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
+        csi[:, list(record.antennas)] = record.csi[:, :, 0]
         t_ns = (record.host_time_ns or 0) - DEFAULT_EPOCH_NS
-        samples.append(ChannelSample(peer, record.frame_count or 0, t_ns, record.timestamp_low_us, values))
+        power_dbm = total_rss_dbm(record.rssi, record.agc)
+        samples.append(ChannelSample(peer, record.frame_count, t_ns, record.timestamp_low_us, csi, power_dbm))
     return samples
