@@ -20,9 +20,9 @@ from companion.control import ControlServer
 from companion.errors import CompanionError
 from companion.flight import Flight
 from companion.messages import Pose
-from companion.mission import Event
 from companion.node import Node
 from companion.notify import notify
+from companion.pose.forward import VioForwarder
 from companion.radio import ChannelSample
 from companion.recorder import Recorder
 from companion.sar import Iteration, SarIterations
@@ -30,7 +30,6 @@ from companion.window import SarWindow
 from wsr.channel import wavelength_m
 
 _log = logging.getLogger(__name__)
-_CONNECT_S = 60.0
 _WATCHDOG_S = 1.0
 
 
@@ -96,18 +95,27 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
     def on_iteration(iteration: Iteration, profile: bytes) -> None:
         flight.take(iteration, profile)
 
-    node = Node(config, clock, recorder, on_sample, window.add_pose)
+    def on_pose(pose: Pose) -> None:
+        window.add_pose(pose)
+        forwarder.take(pose)
+
+    node = Node(config, clock, recorder, on_sample, on_pose)
     process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
-    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration)
-    autopilot = MavsdkAutopilot(config.autopilot.url, clock)
+    trouble = node.intake.problem_between
+    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration, trouble)
+    autopilot = MavsdkAutopilot(config.autopilot.url, clock, node.odometry_sink())
+    forwarder = VioForwarder(autopilot, node.intake, config.autopilot.forward_vio_hz)
     flight = Flight(config, clock, node, autopilot, sar, recorder)
 
     async def answer(command: str) -> dict[str, Any]:
         if command == "status":
             return {"ok": True, **flight.status(), "health": _plain(node)}
-        if command in ("engage", "abort"):
-            refusal = flight.wish(Event(command))
+        if command == "engage":
+            refusal = await flight.engage()
             return {"ok": not refusal, "error": refusal}
+        if command == "abort":
+            flight.abort()
+            return {"ok": True, "error": ""}
         return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status"}
 
     try:
@@ -115,7 +123,7 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
             tasks.create_task(node.run(), name="node")
             tasks.create_task(process.run(), name="aoa")
             tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
-            await autopilot.connect(_CONNECT_S)
+            tasks.create_task(autopilot.run(), name="autopilot")
             tasks.create_task(flight.run(), name="flight")
             tasks.create_task(_feed_watchdog(flight.is_ticking), name="watchdog")
             notify("READY=1")

@@ -5,7 +5,7 @@ the true state to the world simulator, with `--control` it takes orders from a t
 answers with a `Px4Report`:
 
     report | pilot MODE | mute nothing/heartbeats/everything | offboard accept/refuse/silent
-    battery FRACTION | parameter NAME VALUE
+    battery FRACTION | parameter NAME VALUE | rc MICROSECONDS... | estimator healthy/unhealthy | say TEXT | reboot
 """
 
 from __future__ import annotations
@@ -80,6 +80,9 @@ class Px4:
             offboard_s=commander.offboard_s,
             peer_heartbeats=link.peer_heartbeats,
             timesync_answers=link.timesync_answers,
+            onboard_statuses=link.onboard_statuses,
+            vision=link.visions,
+            parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
             error=error,
         )
@@ -107,6 +110,14 @@ class Px4:
                 self.link.battery_remaining = float(fraction)
             case ["parameter", name, value]:
                 self.commander.parameters[name] = parameter_value(name, value)
+            case ["rc", *channels]:
+                self.link.rc_us = [int(channel) for channel in channels]
+            case ["estimator", "healthy" | "unhealthy" as health]:
+                self.link.estimator_healthy = health == "healthy"
+            case ["say", *text]:
+                self.link.say(" ".join(text))
+            case ["reboot"]:
+                self.link.reboot()
             case _:
                 raise ValueError("unknown")
 

@@ -25,6 +25,8 @@ from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
+_PX4_PARAMETERS: Final = ("--param", "COM_OBL_RC_ACT=5", "--param", "COM_RC_OVERRIDE=3")
+"""What the preflight requires; PX4's own defaults are others."""
 _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
@@ -83,7 +85,7 @@ class Cast:
     def __init__(self, stage: Stage, out: Path, *px4_options: str) -> None:
         self._stage = stage
         self._out = out
-        self._px4_options = px4_options
+        self._px4_options = (*_PX4_PARAMETERS, *px4_options)
         self._processes: dict[str, asyncio.subprocess.Process] = {}
 
     async def __aenter__(self) -> Cast:
