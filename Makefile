@@ -5,11 +5,14 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test bench check lint types imports help clean
+.PHONY: demo test faults mutants t265 bench check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
 	@echo "make test   checks and tests"
+	@echo "make faults long fault campaigns (an hour or more); figures in build/fault-figures.json"
+	@echo "make mutants  mutation test of the set point gate"
+	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
 	@echo "make .venv  the environment alone"
 
@@ -31,8 +34,22 @@ $(VENV)/dev.stamp: requirements-dev.txt $(VENV)/run.stamp
 demo: .venv
 	$(BIN)/companion demo $(ARGS)
 
-test: check
+test: check t265
 	$(BIN)/python -m pytest
+
+faults: $(VENV)/dev.stamp t265
+	FAULT_CAMPAIGN=long $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
+
+mutants: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.mutants companion/gate.py tests/unit/test_gate.py $(ARGS)
+
+# Soft: without a CPython 3.10 the tests say so and use the newest pyrealsense2 instead.
+PYTHON310 := $(shell for p in python3.10 $$HOME/.pyenv/versions/3.10.*/bin/python3.10; do $$p -c '' 2>/dev/null && echo $$p && break; done)
+t265:
+	@test -e .venv-t265/t265.stamp -o -z "$(PYTHON310)" || { \
+		$(PYTHON310) -m venv .venv-t265 && \
+		.venv-t265/bin/python -m pip --disable-pip-version-check --quiet install -r requirements-t265.txt && \
+		touch .venv-t265/t265.stamp; } || echo "the camera reader's own environment could not be made; tests do without"
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
@@ -44,4 +61,4 @@ check: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) .venv-t265 build dist *.egg-info

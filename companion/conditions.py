@@ -29,7 +29,7 @@ _LANDING_BY_S: Final = 8.0  # by then landing or returning has begun, or somebod
 _TRIES_AFTER_S: Final = 5.0
 _FLIGHT_STATES: Final = frozenset(_EXPECTED_MODES)
 _ENGAGED_STATES: Final = _FLIGHT_STATES | {State.PREFLIGHT}
-_TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.HOLDING: 60.0, State.LANDING: 120.0}
+_TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,7 @@ class ConditionLimits:
     blind_legs: int
     min_battery: float
     approach_s: float
+    hold_s: float
     leave_modes: frozenset[FlightMode] = frozenset()
     """Modes in which the autopilot may be left at the target, beside hold."""
 
@@ -112,6 +113,8 @@ def _expected_modes(state: State, situation: Situation, limits: ConditionLimits)
 def _time_limit_s(state: State, limits: ConditionLimits) -> float:
     if state in (State.ACQUIRING, State.APPROACHING):
         return limits.approach_s
+    if state is State.HOLDING:
+        return limits.hold_s
     return _TIME_LIMITS_S.get(state, float("inf"))
 
 

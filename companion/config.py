@@ -159,6 +159,8 @@ class MissionConfig:
     """Below this share of charge the vehicle lands."""
     limit_s: Positive = 900.0
     """Longest approach, after which the vehicle lands."""
+    hold_limit_s: Positive = 60.0
+    """After holding for so long without the target the vehicle is left as lost_target says."""
     arrival_range_m: Positive = 1.5
     """The mission has arrived when the triangulated range, plus two standard deviations, is below this."""
 

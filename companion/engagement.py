@@ -9,6 +9,7 @@ import shutil
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.clock import NS_PER_S, Clock
 from companion.config import Config
+from companion.messages import FlightMode
 from companion.node import Node
 from companion.preflight import (
     Readiness,
@@ -81,6 +82,7 @@ class Engagement:
             estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
             estimator_healthy=vehicle.estimator_healthy,
             failsafe=vehicle.failsafe,
+            flown_in=str(vehicle.mode) if vehicle.in_air and vehicle.mode is not FlightMode.HOLD else "",
             timesync_age_s=self._age_s(vehicle.timesync_mono_ns),
             battery=vehicle.battery_remaining,
             pose_problem=node.intake.problem(),

@@ -61,6 +61,7 @@ class Flight:
             config.aperture.blind_legs,
             config.mission.min_battery,
             config.mission.limit_s,
+            config.mission.hold_limit_s,
             frozenset({_LEAVE_MODES[config.mission.leave]}),
         )
         self._ticker = Ticker(clock, _RATE_HZ)

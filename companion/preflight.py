@@ -106,6 +106,8 @@ class Readiness:
     estimator_age_s: float
     estimator_healthy: bool
     failsafe: bool
+    flown_in: str
+    """The mode in which the vehicle is in the air, where that is not hold; else empty."""
     timesync_age_s: float
     battery: float | None
     pose_problem: str
@@ -144,6 +146,7 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "the autopilot's estimator tells nothing of itself": linked and now.estimator_age_s > _ESTIMATOR_S,
         "the autopilot's estimator is not healthy": now.estimator_age_s <= _ESTIMATOR_S and not now.estimator_healthy,
         "the autopilot is in a failsafe": now.failsafe,
+        f"the vehicle is flown in mode {now.flown_in}; put it into hold first": bool(now.flown_in),
         "clocks: the autopilot takes no part in TIMESYNC": linked and now.timesync_age_s > _TIMESYNC_S,
         f"the battery is low: {100 * (now.battery or 0):.0f} %, wanted {100 * limits.min_battery:.0f}": low,
         f"no fresh poses: {now.pose_problem}": bool(now.pose_problem),

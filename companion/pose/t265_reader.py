@@ -173,6 +173,8 @@ def main() -> int:
             sensor.stop()
             sensor.close()
     except (ReaderError, RuntimeError) as error:
+        if arguments.bag and reader.sent + reader.lost:
+            return 0  # the end of the recording
         print(f"t265_reader: {error}", file=sys.stderr)
         return 1
     return 0

@@ -11,7 +11,7 @@ import secrets
 import signal
 import socket
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
@@ -82,7 +82,11 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
 class Cast:
     """The running processes. Used as an async context: at its end all of them have ended, whatever happened."""
 
-    def __init__(self, stage: Stage, out: Path, *px4_options: str) -> None:
+    def __init__(
+        self, stage: Stage, out: Path, *px4_options: str, service: Sequence[str] = ("companion", "run")
+    ) -> None:
+        """`service` is the module that flies, with its first arguments."""
+        self._service = service
         self._stage = stage
         self._out = out
         self._px4_options = (*_PX4_PARAMETERS, *px4_options)
@@ -104,8 +108,16 @@ class Cast:
             "--truth", stage.scenario.truth_in, "--seed", stage.scenario.seed, *self._px4_options,
         )  # fmt: skip
         await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
-        await self._start("uav", "companion", "run", "--config", directory / "uav.yaml")
+        await self.start_uav()
         return self
+
+    async def start_uav(self) -> None:
+        """Start the flying robot's service, or start it again after it has ended."""
+        await self._start("uav", *self._service, "--config", self._stage.directory / "uav.yaml")
+
+    async def wait(self, name: str) -> int:
+        """Until one of them has ended by itself; its exit code."""
+        return await self._processes[name].wait()
 
     async def __aexit__(self, *_: object) -> None:
         # The services go first, so that the vehicle is left in Hold while its autopilot is still there to take it.
@@ -126,7 +138,7 @@ class Cast:
     async def _start(self, name: str, module: str, *arguments: object) -> None:
         # The simulated hardware is niced: on a vehicle it takes no time from the service either.
         nice = ("nice", "-n", "5") if name in ("world", "px4") else ()
-        with (self._out / f"{name}.txt").open("wb") as log:
+        with (self._out / f"{name}.txt").open("ab") as log:
             self._processes[name] = await asyncio.create_subprocess_exec(
                 *nice, sys.executable, "-m", module, *map(str, arguments),
                 stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log,

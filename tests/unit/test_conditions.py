@@ -12,7 +12,9 @@ from companion.messages import FlightMode, VehicleState
 from companion.mission import Event, State
 
 NOW_NS = 100 * NS_PER_S
-LIMITS = ConditionLimits(pose_stale_s=0.2, pose_lost_s=8, silent_s=2, blind_legs=3, min_battery=0.2, approach_s=900)
+LIMITS = ConditionLimits(
+    pose_stale_s=0.2, pose_lost_s=8, silent_s=2, blind_legs=3, min_battery=0.2, approach_s=900, hold_s=60
+)
 FLYING = VehicleState(
     NOW_NS, NOW_NS - NS_PER_S, FlightMode.OFFBOARD, NOW_NS, armed=True, in_air=True, battery_remaining=0.8
 )

@@ -247,10 +247,10 @@ def test_limits_that_can_never_be_met_are_refused() -> None:
         dataclasses.replace(_LIMITS, min_height_m=math.nan)
     for name in ("fence_radius_m", "max_climb_m_s", "max_acceleration_m_s2", "max_age_s", "response_s"):
         with pytest.raises(ValueError, match=f"{name} is 0"):
-            dataclasses.replace(_LIMITS, **{name: 0.0})
+            dataclasses.replace(_LIMITS, **{name: 0.0})  # type: ignore[arg-type]
     for name in ("max_position_age_s", "min_neighbour_m"):
         with pytest.raises(ValueError, match=f"{name} is -1.0; expected a positive number"):
-            dataclasses.replace(_LIMITS, **{name: -1.0})
+            dataclasses.replace(_LIMITS, **{name: -1.0})  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"fence_min_m .* must lie below fence_max_m .* on each axis"):
         dataclasses.replace(_LIMITS, fence_min_m=(10.0, -10.0, -1.0))
     with pytest.raises(ValueError, match="max_lead_m"):

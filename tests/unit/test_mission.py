@@ -16,8 +16,8 @@ _STREAMING = (State.ACQUIRING, State.APPROACHING, State.HOLDING)
 _FLYING = (State.TAKING_OFF, *_STREAMING)
 
 # Written down a second time, from what the mission must do rather than from how the table is built: state by state,
-# "event > next state" and the actions' initials (p preflight, t take off, s start, o offboard, x stop, h hold, l land, a leave at
-# the target, w leave without it).
+# "event > next state" and the actions' initials (p preflight, t take off, s start, o offboard, x stop, h hold, l land,
+# a leave at the target, w leave without it).
 _EXPECTED = {
     State.IDLE: "engage>preflight p; task_failed>fault",
     State.PREFLIGHT: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>idle; "
