@@ -40,8 +40,16 @@ test: check t265
 faults: $(VENV)/dev.stamp t265
 	FAULT_CAMPAIGN=long $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
 
+# cosmic-ray changes the file it tests: it works on a copy. Its own environment, since it pulls in a database.
 mutants: $(VENV)/dev.stamp
-	$(BIN)/python -m tests.mutants companion/gate.py tests/unit/test_gate.py $(ARGS)
+	test -e .venv-mutants/bin/cosmic-ray || { $(PYTHON) -m venv .venv-mutants && .venv-mutants/bin/python -m pip --disable-pip-version-check --quiet install cosmic-ray==8.7.0; }
+	rm -rf build/mutants && mkdir -p build/mutants
+	cp -r companion wsr csi_bridge tests pyproject.toml build/mutants/
+	cp tests/mutants.toml build/mutants/mutants.toml
+	cd build/mutants && export PATH=$(CURDIR)/$(BIN):$$PATH MUTANTS=$(CURDIR)/.venv-mutants/bin && \
+		$$MUTANTS/cosmic-ray init mutants.toml mutants.sqlite && \
+		$$MUTANTS/cr-filter-operators mutants.sqlite mutants.toml && $$MUTANTS/cosmic-ray exec mutants.toml mutants.sqlite && \
+		$$MUTANTS/cr-report --show-diff --surviving-only mutants.sqlite | tail -60
 
 # Soft: without a CPython 3.10 the tests say so and use the newest pyrealsense2 instead.
 PYTHON310 := $(shell for p in python3.10 $$HOME/.pyenv/versions/3.10.*/bin/python3.10; do $$p -c '' 2>/dev/null && echo $$p && break; done)
@@ -61,4 +69,4 @@ check: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) .venv-t265 build dist *.egg-info
+	rm -rf $(VENV) .venv-t265 .venv-mutants build dist *.egg-info

@@ -116,7 +116,9 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
         if command == "abort":
             flight.abort()
             return {"ok": True, "error": ""}
-        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status"}
+        if command == "pose":
+            return _pose_answer(node, autopilot.state().yaw_enu_rad)
+        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
 
     try:
         async with asyncio.TaskGroup() as tasks:
@@ -146,6 +148,13 @@ async def _feed_watchdog(is_alive: Callable[[], bool]) -> None:
         await asyncio.sleep(_WATCHDOG_S)
         if is_alive():
             notify("WATCHDOG=1")
+
+
+def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:
+    pose, problem = node.intake.newest, node.intake.problem()
+    if pose is None or problem:
+        return {"ok": False, "error": f"no poses to check: {problem or node.intake.north_problem()}"}
+    return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}
 
 
 def _plain(node: Node) -> dict[str, Any]:

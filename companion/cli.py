@@ -15,11 +15,12 @@ _COMMANDS: Final = {
     "engage": "hand the vehicle to the companion (a deliberate act, never done at start)",
     "abort": "end the companion's flight: leave its mode and stay out",
     "status": "what the service is doing",
+    "check-axes": "move the vehicle by hand and see whether the axes are right",
     "demo": "a full simulated rendezvous",
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
 }
-_MODULES: Final = {"engage": "control", "abort": "control", "status": "control"}
+_MODULES: Final = {"engage": "control", "abort": "control", "status": "control", "check-axes": "check_axes"}
 
 
 class _LazyGroup(click.Group):
@@ -30,7 +31,7 @@ class _LazyGroup(click.Group):
         if cmd_name not in _COMMANDS:
             return None
         module = importlib.import_module(f"companion.commands.{_MODULES.get(cmd_name, cmd_name)}")
-        command = getattr(module, cmd_name)
+        command = getattr(module, cmd_name.replace("-", "_"))
         assert isinstance(command, click.Command)
         return command
 

@@ -139,7 +139,20 @@ class Flight:
             "bearing_stale": self._bearing_stale(),
             "target_range_m": target.range_m if target is not None and math.isfinite(target.range_m) else None,
             "streaming": self._streaming,
+            "vehicle": self._vehicle(),
             "overruns": self._ticker.overruns,
+        }
+
+    def _vehicle(self) -> dict[str, Any]:
+        state = self._autopilot.state()
+        return {
+            "mode": state.mode,
+            "armed": state.armed,
+            "in_air": state.in_air,
+            "p_local_enu_m": state.p_local_enu_m,
+            "v_local_enu_m_s": state.v_local_enu_m_s,
+            "yaw_enu_rad": state.yaw_enu_rad,
+            "battery": state.battery_remaining,
         }
 
     def heard(self, peer: int, t_mono_ns: int) -> None:

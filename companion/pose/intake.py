@@ -80,6 +80,11 @@ class PoseIntake:
         """Since the newest pose that can be used; infinite while North is not known."""
         return self._health.age_s(self._clock.now_ns()) if self._is_aligned else math.inf
 
+    @property
+    def newest(self) -> Pose | None:
+        """The newest usable pose, North-aligned; None before the first and while North is not known."""
+        return self._health.newest if self._is_aligned else None
+
     def silence_s(self) -> float:
         """Since the newest pose that came at all."""
         return self._health.age_s(self._clock.now_ns())

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from companion.clock import NS_PER_S
-from companion.messages import Pose
+from companion.messages import Pose, Vector3
 from wsr.geometry import wrap_angle, yaw_of
 
 _PERIOD_S: Final = 3.0
 _MIN_SAMPLES: Final = 30
 _MAX_SCATTER_RAD: Final = math.radians(3.0)
-_STILL_M_S: Final = 0.15
+_STILL_M: Final = 0.3
+"""A hover in gusts counts as still; its velocities, differences of noisy positions, would not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +37,14 @@ class NorthFinder:
 
     def __init__(self) -> None:
         self._samples: deque[tuple[int, float]] = deque()
+        self._at_m: Vector3 = (0.0, 0.0, 0.0)
 
     def add(self, t_ns: int, yaw_enu_rad: float, pose: Pose) -> None:
         """A heading of the autopilot and the tracker's pose of the same time. Motion starts the period anew."""
-        if math.hypot(*pose.v_enu_m_s) > _STILL_M_S:
+        if self._samples and math.dist(pose.p_enu_m, self._at_m) > _STILL_M:
             self._samples.clear()
-            return
+        if not self._samples:
+            self._at_m = pose.p_enu_m
         self._samples.append((t_ns, yaw_enu_rad - float(yaw_of(pose.q_enu_from_body))))
         while t_ns - self._samples[0][0] > _PERIOD_S * NS_PER_S:
             self._samples.popleft()

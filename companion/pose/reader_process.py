@@ -6,9 +6,10 @@ import asyncio
 import contextlib
 import logging
 import math
+import shutil
 from collections.abc import Callable, Sequence
 
-from companion.child import die_with_parent
+from companion.child import tied
 from companion.clock import NS_PER_S, Clock
 from companion.errors import CompanionError
 
@@ -34,6 +35,8 @@ class ReaderProcess:
 
     async def run(self) -> None:
         """Until cancelled; never leaves a process behind. Raises CompanionError when there is no such program."""
+        if shutil.which(self._command[0]) is None:
+            raise CompanionError(f"pose.reader_command {self._command[0]}: no such program")
         wait_s = _FIRST_WAIT_S
         while True:
             started_ns = self._clock.now_ns()
@@ -45,12 +48,7 @@ class ReaderProcess:
             await self._sleep(wait_s)
 
     async def _one_life(self) -> str:
-        try:
-            process = await asyncio.create_subprocess_exec(
-                *self._command, stdin=asyncio.subprocess.DEVNULL, preexec_fn=die_with_parent
-            )
-        except OSError as error:
-            raise CompanionError(f"pose.reader_command {self._command[0]}: {error.strerror}") from None
+        process = await asyncio.create_subprocess_exec(*tied(*self._command), stdin=asyncio.subprocess.DEVNULL)
         self.pid = process.pid
         silent_ns: int | None = None
         try:

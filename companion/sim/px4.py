@@ -87,6 +87,7 @@ class Px4:
             timesync_answers=link.timesync_answers,
             onboard_statuses=link.onboard_statuses,
             vision=link.visions,
+            vision_age_s=link.vision_age_s,
             parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
             error=error,

@@ -62,12 +62,13 @@ class Px4Link:
         self.ignore_mode_commands = False
         self.peer_heartbeats = 0
         self.timesync_answers = 0
-        self.timesync_clock_ns: int | None = None
-        """The companion's clock as its newest answer told it."""
+        self._clock_offset_ns: int | None = None
+        """Of the companion's clock to ours, as its newest answer told it."""
         self.onboard_statuses = 0
         self.vision: Any = None
         """The newest pose that the companion sent for the estimator."""
         self.visions = 0
+        self.vision_age_s: float | None = None
         self.rc_us: list[int] = []
         self.estimator_healthy = True
         self._boot_ns = self._now_ns = now_ns
@@ -142,7 +143,7 @@ class Px4Link:
             self._mav.send(self._mav.timesync_encode(self._now_ns, message.ts1))
         else:
             self.timesync_answers += 1
-            self.timesync_clock_ns = message.tc1
+            self._clock_offset_ns = message.tc1 - message.ts1  # ts1 is our own time when we asked
 
     def _on_onboard_computer_status(self, message: Any) -> None:
         self.onboard_statuses += 1
@@ -152,6 +153,9 @@ class Px4Link:
         frames = (mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_LOCAL_NED)
         if message.frame_id in frames and message.child_frame_id == mavlink.MAV_FRAME_BODY_FRD:
             self.vision, self.visions = message, self.visions + 1
+            if self._clock_offset_ns is not None:
+                theirs_ns = self._now_ns + self._clock_offset_ns
+                self.vision_age_s = (theirs_ns - message.time_usec * 1000) / NS_PER_S
 
     def _on_set_position_target_local_ned(self, message: Any) -> None:
         if message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:

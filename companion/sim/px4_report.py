@@ -35,6 +35,8 @@ class Px4Report:
     onboard_statuses: int = 0
     vision: int = 0
     """ODOMETRY messages taken."""
+    vision_age_s: float | None = None
+    """Of the newest one when it arrived, by the clock with which the companion answers TIMESYNC."""
     parameters: dict[str, float] = field(default_factory=dict)
     error: str | None = None
     """Why the order was not understood; None when it was."""

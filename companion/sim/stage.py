@@ -83,10 +83,16 @@ class Cast:
     """The running processes. Used as an async context: at its end all of them have ended, whatever happened."""
 
     def __init__(
-        self, stage: Stage, out: Path, *px4_options: str, service: Sequence[str] = ("companion", "run")
+        self,
+        stage: Stage,
+        out: Path,
+        *px4_options: str,
+        service: Sequence[str] = ("companion", "run"),
+        has_mock: bool = True,
     ) -> None:
-        """`service` is the module that flies, with its first arguments."""
+        """`service` is the module that flies, with its first arguments; without the mock a real autopilot is there."""
         self._service = service
+        self._has_mock = has_mock
         self._stage = stage
         self._out = out
         self._px4_options = (*_PX4_PARAMETERS, *px4_options)
@@ -103,13 +109,18 @@ class Cast:
         stage = self._stage
         directory = stage.directory
         await self._start("world", "companion.sim.world", "--scenario", directory / "scenario.json")
+        if self._has_mock:
+            await self._start_mock()
+        await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
+        await self.start_uav()
+        return self
+
+    async def _start_mock(self) -> None:
+        stage = self._stage
         await self._start(
             "px4", "companion.sim.px4", "--connect", f"127.0.0.1:{stage.mavlink_port}",
             "--truth", stage.scenario.truth_in, "--seed", stage.scenario.seed, *self._px4_options,
         )  # fmt: skip
-        await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
-        await self.start_uav()
-        return self
 
     async def start_uav(self) -> None:
         """Start the flying robot's service, or start it again after it has ended."""

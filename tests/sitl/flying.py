@@ -8,12 +8,14 @@ import signal
 import socket
 import sys
 import tempfile
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from companion.config import AutopilotConfig
 from companion.config_file import save_config
 from companion.control import ask
 from companion.errors import CompanionError
@@ -133,25 +135,32 @@ class Flying:
 
 
 @asynccontextmanager
-async def flying(out: Path, **mission: Any) -> AsyncIterator[Flying]:
-    """A cast whose camera is a child of the service. `mission` replaces values of that section of the configuration."""
+async def flying(out: Path, real_url: str = "", **mission: Any) -> AsyncIterator[Flying]:
+    """A cast whose camera is a child of the service. `mission` replaces values of that section of the configuration.
+
+    With `real_url` an autopilot is there already: the world then moves the vehicle as that one's telemetry says.
+    """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission)
+        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
             bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
         ):
             control = str(stage.directory / "px4.sock")
-            async with Cast(stage, out, "--control", control, service=_SERVICE) as cast:
+            options = ("--control", control)
+            async with Cast(stage, out, *options, service=_SERVICE, has_mock=not real_url) as cast:
                 flight = Flying(stage, cast, out, reports)
-                listening = asyncio.create_task(_listen(truths, flight.truths))
+                helpers = [asyncio.create_task(_listen(truths, flight.truths))]
+                if real_url:
+                    helpers.append(asyncio.create_task(_follow(flight)))
                 try:
                     yield flight
                 finally:
-                    listening.cancel()
+                    for helper in helpers:
+                        helper.cancel()
 
 
-def _with_camera(stage: Stage, mission: dict[str, Any]) -> Stage:
+def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str) -> Stage:
     directory = stage.directory
     lens = directory / "camera.sock"
     pose_socket = stage.uav.path(stage.uav.pose.socket)
@@ -160,8 +169,10 @@ def _with_camera(stage: Stage, mission: dict[str, Any]) -> Stage:
     uav = replace(
         stage.uav,
         pose=replace(stage.uav.pose, reader_command=reader),
-        mission=replace(stage.uav.mission, hold_limit_s=HOLD_LIMIT_S, **mission),
+        mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
     )
+    if real_url:
+        uav = replace(uav, autopilot=AutopilotConfig(real_url))
     save_config(uav, directory / f"{uav.name}.yaml")
     scenario = replace(stage.scenario, uav=replace(stage.scenario.uav, pose_socket=str(lens)))
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
@@ -171,3 +182,17 @@ def _with_camera(stage: Stage, mission: dict[str, Any]) -> Stage:
 async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
     while True:
         truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))
+
+
+async def _follow(flight: Flying) -> None:
+    """Tells the world where a real autopilot says the vehicle is."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as out:
+        while True:
+            await asyncio.sleep(0.02)
+            with suppress(CompanionError, OSError, TypeError):  # not there yet, or its position is not known yet
+                state = (await flight.status())["vehicle"]
+                now = truth.VehicleTruth(
+                    time.monotonic_ns(), tuple(state["p_local_enu_m"]), tuple(state["v_local_enu_m_s"]),
+                    state["yaw_enu_rad"], state["mode"].upper(), state["armed"], 0, 0, 0.0,
+                )  # fmt: skip
+                out.sendto(truth.encode(now), flight.stage.scenario.truth_in)

@@ -25,7 +25,7 @@ from companion.clock import NS_PER_S
 from companion.unix_datagram import bind_datagram_socket
 from tests.faults.campaign import runs
 from tests.faults.figures import record
-from tests.sitl.flying import HOLD_LIMIT_S, Flying
+from tests.sitl.flying import Flying
 from tests.sitl.flying import flying as running
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
@@ -130,7 +130,7 @@ async def test_fault_08_silent_heartbeats_lose_the_link(flying: Flying) -> None:
 
 async def test_fault_03_a_service_that_stood_still_is_idle_after_it(flying: Flying) -> None:
     late = 0
-    for stall_s in (0.7, 3.0):
+    for stall_s in (0.7, 3.0)[-runs(1, 2) :]:
         await flying.fly()
         await asyncio.sleep(0.5)
         pid = flying.cast.pid("uav")
@@ -217,6 +217,7 @@ async def test_fault_06_a_worker_that_hangs_or_dies_is_replaced(flying: Flying, 
         await flying.until(lambda status: status["bearing_stale"] or status["state"] == "holding", 30.0)
     replaced = await flying.until(lambda _: flying.children("companion.aoa_worker") not in ([], [worker]), 30.0)
     restarted_s = time.monotonic() - since_s
+    await asyncio.sleep(max(0.0, 2.0 - restarted_s))
     end = await flying.px4()
     rate_hz = (end.setpoints - begin.setpoints) * NS_PER_S / (end.t_mono_ns - begin.t_mono_ns)
     gap_ms = 1000 * end.largest_gap_s
@@ -269,12 +270,9 @@ async def test_fault_29_a_silent_ground_robot_is_not_chased(flying: Flying) -> N
     held_m = (await flying.px4()).p_enu_m
     await asyncio.sleep(3.0)
     moved_m = math.dist(held_m, (await flying.px4()).p_enu_m)
-    await flying.in_state("landing", timeout_s=HOLD_LIMIT_S + 5)
-    await flying.until(lambda _: flying.now.vehicle.mode == "RTL", 5.0)
     os.kill(flying.cast.pid("beacon"), signal.SIGCONT)
-    record(29, holding_after_s=round(silent_s, 2), moved_in_3_s_m=round(moved_m, 2), then="return")
-    assert moved_m < 0.3
-    await flying.let_go()
+    record(29, holding_after_s=round(silent_s, 2), moved_in_3_s_m=round(moved_m, 2))
+    assert moved_m < 0.3  # that it then returns shows in test_mission
 
 
 async def test_fault_19_a_dead_camera_process_holds_and_is_replaced(flying: Flying) -> None:
@@ -287,7 +285,7 @@ async def test_fault_19_a_dead_camera_process_holds_and_is_replaced(flying: Flyi
     await flying.until(lambda _: flying.children("tests.faults.pose_relay") not in ([], [camera]), 10.0)
     restarted_s = time.monotonic() - since_s
     # Its frame has a new yaw: poses wait until the autopilot's heading has told where North is.
-    await flying.until(lambda status: not any("poses" in text for text in status["not_ready"]), 15.0)
+    await flying.until(lambda status: not any("poses" in t or "North" in t for t in status["not_ready"]), 20.0)
     back_s = time.monotonic() - since_s
     record(
         19, holding_after_s=round(held_s, 2), restarted_after_s=round(restarted_s, 2), poses_after_s=round(back_s, 1)
@@ -310,7 +308,7 @@ async def test_fault_16_poses_that_are_no_numbers_land_the_vehicle(flying: Flyin
 
 
 @pytest.mark.parametrize(
-    "task", ["flight", "health"] if runs(0, 1) == 0 else
+    "task", ["flight"] if runs(0, 1) == 0 else
     ["flight", "health", "node", "poses", "broadcast", "aoa", "control", "autopilot", "watchdog", "pose reader"],
 )  # fmt: skip
 async def test_fault_04_a_part_that_fails_leaves_the_vehicle_in_hold(flying: Flying, task: str) -> None:
@@ -331,7 +329,11 @@ async def test_fault_04_a_part_that_fails_leaves_the_vehicle_in_hold(flying: Fly
 
 
 def _lives(pid: int) -> bool:
-    return Path(f"/proc/{pid}").exists()
+    """Whether it runs. A dead child that nobody has collected yet does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except OSError:
+        return False
 
 
 async def test_fault_02_a_killed_service_is_silent_and_leaves_nothing_behind(flying: Flying) -> None:

@@ -238,6 +238,20 @@ def test_fault_11_no_bad_set_point_of_a_random_plan_passes() -> None:
     record(11, offered=offers, passed_unchanged=passed, bad_passed=0)
 
 
+def test_an_age_is_a_difference_whatever_the_numbers() -> None:
+    for t_ns in (1, _NOW_NS // 3, 2 * _NOW_NS):
+        offered = dataclasses.replace(_GOOD, t_mono_ns=t_ns)
+        assert _GATE.check(offered, _STATE, _NOW_NS, True).reasons == (Reason.STALE,)
+
+
+def test_nothing_of_the_gate_can_be_changed_afterwards() -> None:
+    verdict = _GATE.check(_GOOD, _STATE, _NOW_NS, True)
+    for thing, name in ((_GATE, "limits"), (_LIMITS, "max_speed_m_s"), (verdict, "reasons")):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(thing, name, None)
+        assert not hasattr(thing, "__dict__")
+
+
 def test_limits_that_can_never_be_met_are_refused() -> None:
     with pytest.raises(ValueError, match="fence_min_m"):
         dataclasses.replace(_LIMITS, fence_min_m=(0.0, 0.0, 5.0))

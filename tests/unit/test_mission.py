@@ -8,6 +8,7 @@ import pytest
 
 from companion import mission_diagram
 from companion.errors import CompanionError
+from companion.fault_table import FAULTS
 from companion.mission import STREAM_STATES, TABLE, Action, Event, State, step, worst
 
 _SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
@@ -140,6 +141,14 @@ def test_diagram_names_every_state_and_transition() -> None:
         if state is not target:
             line = next(text for text in diagram.splitlines() if text.startswith(f"    {state} --> {target}: "))
             assert event.value in line.partition(": ")[2].split(", ")
+
+
+def test_every_fault_names_detection_and_clearance_and_every_event_that_stops_the_stream_is_one() -> None:
+    stopping = {event for (_, event), (_, actions) in TABLE.items() if Action.STREAM_STOP in actions}
+    assert stopping - set(FAULTS) == {Event.TARGET_REACHED}
+    for fault in FAULTS.values():
+        assert fault.within and fault.noticed_by and fault.cleared_by
+    assert list(FAULTS) == [event for event in Event if event in FAULTS], "in order of severity"
 
 
 def test_document_without_markers_is_refused() -> None:

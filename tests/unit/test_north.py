@@ -15,9 +15,9 @@ from companion.pose.north import North, NorthFinder, circular_mean
 from wsr.geometry import quaternion_from_yaw
 
 
-def _pose(t_ns: int, yaw_rad: float, speed_m_s: float = 0.0) -> Pose:
+def _pose(t_ns: int, yaw_rad: float, x_m: float = 0.0) -> Pose:
     w, x, y, z = quaternion_from_yaw(yaw_rad).tolist()
-    return Pose(t_ns, (0.0, 0.0, 0.0), (w, x, y, z), (speed_m_s, 0.0, 0.0), 3)
+    return Pose(t_ns, (x_m, 0.0, 0.0), (w, x, y, z), (0.1, 0.1, 0.1), 3)
 
 
 def _fed(north_rad: float, scatter_rad: float, seconds: float, moving_at: int = -1) -> NorthFinder:

@@ -40,7 +40,7 @@ def _python(which: str) -> str:
 
 def _environment() -> dict[str, str]:
     """With a libusb that the library finds, whether or not the system has one."""
-    import libusb_package  # type: ignore[import-untyped]
+    import libusb_package
 
     return os.environ | {"PYTHONPATH": str(_ROOT), "LD_PRELOAD": str(libusb_package.get_library_path())}
 
