@@ -26,7 +26,7 @@ from companion.clock import NS_PER_S
 from companion.config import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
 from companion.flight import Flight
 from companion.messages import Pose, Vector3
-from companion.mission import Event, State
+from companion.mission import State
 from companion.neighbours import NeighbourReceiver
 from companion.node import Node
 from companion.recorder import Recorder
@@ -84,7 +84,7 @@ def config() -> Config:
         neighbours=NeighbourConfig(key_file="none"),
         peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
         pose=PoseConfig(antenna_m=_LEVER_M),
-        mission=MissionConfig(),
+        mission=MissionConfig(control="fly"),
         autopilot=AutopilotConfig("none"),
     )
 
@@ -145,11 +145,12 @@ class _World:
             clock,
             self._on_iteration,
         )
-        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0))
-        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None))
+        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False)
+        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
+        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False))
         self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
-        self._engaged = False
+        self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
         self._points: list[MissionPoint] = []
@@ -169,8 +170,9 @@ class _World:
             self._batch_s = self._step_s
         for result in self._worker.due(now_ns):
             self._sar.take(result)
-        if not self._engaged and now_ns >= _START_NS:
-            self._engaged = not self.flight.wish(Event.ENGAGE)
+        refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
+        if refused and now_ns >= _START_NS:
+            self._engaging = asyncio.ensure_future(self.flight.engage())
         return not self._is_over(now_ns)
 
     def result(self) -> MissionResult:
