@@ -263,7 +263,8 @@ async def test_fault_18_a_jump_of_the_poses_drops_the_aperture_and_moves_nothing
 
 
 async def test_fault_29_a_silent_ground_robot_is_not_chased(flying: Flying) -> None:
-    await flying.fly("acquiring", "approaching")
+    await flying.fly("approaching")
+    await flying.until(lambda status: status["state"] == "approaching" and not status["bearing_stale"])
     os.kill(flying.cast.pid("beacon"), signal.SIGSTOP)
     since_s = time.monotonic()
     await flying.in_state("holding", timeout_s=10.0)
