@@ -114,6 +114,12 @@ class LiveLink:
         assert self.analysed_azimuth_rad is not None
         return abs((self.azimuth_rad - self.analysed_azimuth_rad + np.pi) % (2 * np.pi) - np.pi)
 
+    @property
+    def polar_apart_rad(self) -> float:
+        assert self.polar_rad is not None
+        assert self.analysed_polar_rad is not None
+        return abs(self.polar_rad - self.analysed_polar_rad)
+
 
 @dataclass(slots=True)
 class _Robot:
