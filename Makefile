@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test bench check lint types imports help clean
+.PHONY: demo test bench faults check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
 	@echo "make test   checks and tests"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
+	@echo "make faults the fault table's long campaigns, about a quarter of an hour"
 	@echo "make .venv  the environment alone"
 
 .venv: $(VENV)/run.stamp
@@ -36,6 +37,11 @@ test: check
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
+
+# The long campaigns of the fault table; figures go to build/faults.json and the table of docs/faults.md.
+faults: $(VENV)/dev.stamp
+	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults $(ARGS)
+	$(BIN)/python -m tests.faults.figures
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
