@@ -215,7 +215,7 @@ def crowds(seconds: float, curve_seconds: float) -> Iterator[Crowd]:
     for neighbours in CURVE:
         row = crowd(neighbours, curve_seconds)
         yield row
-        if row.packets_lost > 0.01 * row.packets:
+        if row.packets_lost > 0.05 * row.packets:
             return
 
 
