@@ -46,6 +46,8 @@ _ZERO_S: Final = 1000.0
 """On the receiving robot's clock when the tapes start: a host has been up for a while."""
 _BUDGET_BYTES_S: Final = 8000.0
 """The runs in three dimensions have 250 pings a second, which is beyond the default budget."""
+_RELATED: Final = 32
+"""Newest exchanges that tell the recorded offset at the end: one host's clock is slewed by 42 ms within 13 s."""
 _LONGEST_GAP_S: Final = 0.25
 _STEP_NS: Final = 500_000
 _STILL_NS: Final = 20_000_000
@@ -131,6 +133,7 @@ class _Robot:
     play_from_s: float
     """Tape time at the common zero."""
     feeder: Feeder
+    mac: str
     node: Node | None = None
     next_record: int = 0
     pose_socket: socket.socket = field(
@@ -200,7 +203,7 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
                     0 if estimate is None else estimate.packets,
                     theirs.packets,
                     neighbour.health(uav.clock.now_ns()),
-                    (robot.clock.offset_ns - uav.clock.offset_ns) / NS_PER_S,
+                    clock_offset_s(rx, tapes[name], robot.mac, uav.mac, _RELATED),
                     robot.node.sender.sent_bytes / ((end_ns - uav.clock.offset_ns) / NS_PER_S),
                 )
             )
@@ -285,18 +288,18 @@ def _robots(
         # The recorded offset sets the beacon's clock; its tape plays when the air carried it.
         clock = RobotClock(timeline, _ZERO_S + offset_s)
         tape = rx if name == "rx" else tapes[name]
-        robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
+        robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder, rx_mac if name == "rx" else macs[name]))
     return robots
 
 
-def clock_offset_s(rx: Tape, tx: Tape, mac: str, rx_mac: str) -> float:
-    """Wall clock of the transmitter's recording less that of the receiver's, from the counters both logs share; 0 where
-    they have none, since such recordings agree."""
+def clock_offset_s(rx: Tape, tx: Tape, mac: str, rx_mac: str, newest: int = 0) -> float:
+    """Wall clock of the transmitter's recording less that of the receiver's, from the counters both logs share, or the
+    `newest` of them; 0 where they have none, since such recordings agree."""
     ours, theirs = _counted(rx, mac), _counted(tx, rx_mac)
     common = sorted(ours.keys() & theirs.keys() - {-1})
     if len(common) < 20:
         return 0.0
-    return float(np.median([theirs[frame] - ours[frame] for frame in common]))
+    return float(np.median([theirs[frame] - ours[frame] for frame in common[-newest:]]))
 
 
 def _counted(tape: Tape, mac: str) -> dict[int, float]:

@@ -33,7 +33,8 @@ async def test_fault_00_a_recording_gives_the_same_bearing_live_and_analysed(run
     assert links, "no transmitter of this run could be analysed"
     for link in links:
         assert link.azimuth_rad is not None, f"{link.name}: {link.report.refusal}"
-        assert link.packets == link.analysed_packets, link.report.dropped
+        # Where the trajectory begins and ends, a tenth of a millisecond decides on a packet.
+        assert abs(link.packets - link.analysed_packets) <= 2, link.report.dropped
         assert math.degrees(link.azimuth_apart_rad) < APART_DEG
         assert link.level or abs(math.degrees(link.polar_apart_rad)) < APART_DEG
         # The clocks of the recordings are up to 56 s apart; both ends stamp the same exchanges.
