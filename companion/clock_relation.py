@@ -95,7 +95,7 @@ class ClockRelation:
         return _correlate(np.sort(ours_ns), np.sort(theirs_ns), least_ns, least_ns + _LONGEST_DELAY_NS)
 
     def offset(self, now_ns: int) -> Offset | None:
-        """As of the newest exchange; None before enough are shared.
+        """At `now_ns`; None before enough exchanges are shared.
 
         A host clock that is being slewed drifts by milliseconds within the samples, so that they lie about a line.
         """
@@ -110,7 +110,8 @@ class ClockRelation:
         uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
         # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
         early = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
-        return Offset(round(middle), uncertainty + max([0.0, *early]), len(samples))
+        ahead = slope * (now_ns - newest_ns)
+        return Offset(round(middle + ahead), uncertainty + max([0.0, *early]), len(samples))
 
 
 def _slope(at_ns: Times, samples_ns: Times) -> float:
