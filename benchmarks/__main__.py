@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
+from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.intake import crowds, line, plot, throughput
 from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
 
@@ -62,11 +63,14 @@ def main(
     )
     times = estimate_times()
     _print_estimates(times)
+    told = informativeness_times()
+    _print_informativeness(told)
     memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
-        json_path.write_text(json.dumps({**figures, "intake": intake, "memory_mb": memory}, indent=2) + "\n")
+        figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
+        json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, times, out)
 
@@ -79,6 +83,14 @@ def _print_estimates(times: EstimateTimes) -> None:
     )
     links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
     click.echo(f"transmitters in one iteration: {links}")
+
+
+def _print_informativeness(times: InformativenessTimes) -> None:
+    click.echo(
+        f"informativeness, 880 packets: one direction {1e3 * times.one_direction_s:.2f} ms, worst case over 5 degrees "
+        f"{1e3 * times.worst_case_s:.2f} ms, all of a SAR iteration {1e3 * times.iteration_s:.2f} ms; 64800 directions "
+        f"{1e3 * times.sphere_s:.0f} ms, {times.scalar_s / times.sphere_s:.0f} x faster than one by one"
+    )
 
 
 def _plot(rows: list[ProfileRow], times: EstimateTimes, out: Path) -> None:

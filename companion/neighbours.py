@@ -117,6 +117,14 @@ class Neighbour:
         """All reverse channels that arrived at or after `since_ns` (our clock)."""
         return wire.joined([datagram.csi for arrived_ns, datagram in self.received if arrived_ns >= since_ns])
 
+    def newest_pose(self) -> tuple[int, tuple[float, float, float]] | None:
+        """Boot id and antenna position (ENU, its own frame) of the newest datagram with poses; None before one."""
+        for _, datagram in reversed(self.received):
+            if len(datagram.poses.t_ns):
+                x, y, z = datagram.poses.p_enu_m[-1].tolist()
+                return datagram.boot_id, (x, y, z)
+        return None
+
     def poses(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
         """Times (N,) on the neighbour's clock, in order, and positions (N, 3) in its North-aligned frame."""
         t_ns = _joined([d.poses.t_ns for _, d in self.received], np.int64)

@@ -19,7 +19,10 @@ from companion.lookalikes import Lookalikes
 from companion.messages import Pose
 from companion.neighbours import NeighbourReceiver
 from companion.pinger import Pinger, open_pinger
-from companion.pose.source import PoseSource
+from companion.pose.autopilot import AutopilotPoses
+from companion.pose.intake import PoseIntake
+from companion.pose.opening import open_poses
+from companion.pose.reader_process import ReaderProcess
 from companion.radio import ChannelSample, Radio
 from companion.recorder import Recorder
 from companion.streams import CSI, HEALTH, NEIGHBOUR, POSE
@@ -40,7 +43,7 @@ class Health:
     radio: dict[str, int]
     source: dict[str, int]
     pose_age_s: float | None
-    poses: dict[str, int]
+    poses: dict[str, Any]
     link: dict[str, int]
     neighbours: dict[str, dict[str, Any]]
     recorder: dict[str, int]
@@ -89,10 +92,9 @@ class Node:
         self._pinger: Pinger | None = open_pinger(config, clock)
         self._link: Link | None = None
         self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
-        self._poses = PoseSource(
-            config.path(config.pose.socket), math.radians(config.pose.north_yaw_deg), self._take_pose
-        )
-        self._pose_ns: int | None = None
+        self.intake = PoseIntake(config.pose, clock, self._take_pose)
+        self._poses = open_poses(config, clock, self.intake)
+        self._reader = ReaderProcess(config.pose.reader_command, clock, self.intake.silence_s)
         self._pose_recorded_ns = 0
 
     async def run(self) -> None:
@@ -102,7 +104,6 @@ class Node:
         readers: list[tuple[int, Callable[[], None]]] = [
             (link.fileno(), self._drain_link),
             (self._source.fileno(), self.radio.drain),
-            (self._poses.fileno(), self._poses.drain),
         ]
         if self._pinger is not None:
             readers += [(self._pinger.fileno(), self._pinger.drain)]
@@ -110,6 +111,9 @@ class Node:
             loop.add_reader(fileno, drain)
         try:
             async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._poses.run(), name="poses")
+                if self.config.pose.reader_command:
+                    tasks.create_task(self._reader.run(), name="pose reader")
                 tasks.create_task(self._broadcast(link), name="broadcast")
                 tasks.create_task(self._report_health(), name="health")
                 if self._pinger is not None:
@@ -124,9 +128,13 @@ class Node:
                 self._pinger.close()
             self.book.close()
 
+    def odometry_sink(self) -> Callable[[Pose], None] | None:
+        """What takes the autopilot's own odometry, where that is the source of poses."""
+        return self._poses.offer if isinstance(self._poses, AutopilotPoses) else None
+
     def pose_age_s(self) -> float:
         """Since the newest usable pose; infinite before the first."""
-        return math.inf if self._pose_ns is None else (self.clock.now_ns() - self._pose_ns) / NS_PER_S
+        return self.intake.age_s()
 
     def health(self) -> Health:
         now_ns = self.clock.now_ns()
@@ -141,8 +149,8 @@ class Node:
             now_ns,
             asdict(self.radio.counters),
             asdict(self._source.counters),
-            None if self._pose_ns is None else self.pose_age_s(),
-            {name: getattr(self._poses, name) for name in ("received", "malformed", "not_finite")},
+            None if math.isinf(self.pose_age_s()) else self.pose_age_s(),
+            self.intake.report(),
             link,
             {n.name: n.health(now_ns) for n in self.receiver.neighbours.values()},
             {"written": self.recorder.written, "dropped": self.recorder.dropped},
@@ -169,7 +177,6 @@ class Node:
             self.recorder.record(HEALTH, health.t_mono_ns, health)
 
     def _take_pose(self, pose: Pose) -> None:
-        self._pose_ns = pose.t_mono_ns
         if pose.t_mono_ns - self._pose_recorded_ns >= NS_PER_S / _POSES_RECORDED_HZ:
             self._pose_recorded_ns = pose.t_mono_ns
             self.recorder.record(POSE, pose.t_mono_ns, pose)

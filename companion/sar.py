@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from companion.neighbours import Neighbour
 from companion.tracker import Bearing
 from companion.window import ApertureReport, SarWindow
 from wsr.aoa import AoaEstimate
+from wsr.crb.informativeness import Informativeness
 
 _LOCAL_CAPACITY = 20 * 120
 
@@ -33,19 +35,34 @@ class Iteration:
     """Time of the reference point; `end_ns` when there is no estimate."""
     p_local_enu_m: Vector3 | None
     """Reference point in the autopilot's local frame, where its position was known then."""
+    peer_p_enu_m: Vector3 | None
+    """Where the peer's antenna was at `reference_ns`, in its own frame; None when there is no estimate."""
+    peer_boot: int
+    """Boot of the peer in which that frame holds."""
     received: int
     dropped: Mapping[str, int]
     compute_s: float
     estimate: AoaEstimate | None
     refusal: str
+    informativeness: Informativeness | None = None
+    """Of this leg's aperture; None for a refusal."""
 
     def bearing(self) -> Bearing | None:
         """What the tracker takes; None where nothing can steer."""
-        if self.estimate is None or self.p_local_enu_m is None or not self.estimate.azimuth_observable:
-            return None
         estimate = self.estimate
+        if estimate is None or self.p_local_enu_m is None or self.peer_p_enu_m is None:
+            return None
+        if not estimate.azimuth_observable:
+            return None
         return Bearing(
-            self.reference_ns, self.p_local_enu_m, estimate.azimuth_rad, estimate.polar_rad, estimate.azimuth_std_rad
+            self.reference_ns,
+            self.p_local_enu_m,
+            estimate.azimuth_rad,
+            estimate.polar_rad,
+            estimate.azimuth_std_rad,
+            estimate.polar_std_rad if estimate.polar_observable else math.inf,
+            self.peer_p_enu_m,
+            self.peer_boot,
         )
 
 
@@ -60,7 +77,9 @@ class SarIterations:
         config: ApertureConfig,
         clock: Clock,
         on_iteration: Callable[[Iteration, bytes], None],
+        pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
     ) -> None:
+        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
         self._window = window
         self._process = process
         self._neighbours = neighbours
@@ -68,7 +87,9 @@ class SarIterations:
         self._clock = clock
         self._on_iteration = on_iteration
         self._local = History(_LOCAL_CAPACITY, 3)
+        self._pose_problem = pose_problem
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._finished_ns: int | None = None
         self._number = 0
         self.start_ns: int | None = None
 
@@ -84,8 +105,12 @@ class SarIterations:
         if self.start_ns is None:
             return
         start_ns, self.start_ns = self.start_ns, None
+        self._finished_ns = self._clock.now_ns()
+        spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
             report = self._window.cut(neighbour, start_ns, end_ns)
+            if spoiled:
+                report = replace(report, aperture=None, refusal=spoiled)
             number, self._number = self._number, self._number + 1
             if report.aperture is None:
                 self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
@@ -101,6 +126,12 @@ class SarIterations:
         """Whether the worker waits for apertures."""
         return self._process.ready.is_set()
 
+    def waiting_s(self) -> float:
+        """How long results have been waited for; 0 when none are."""
+        if not self._pending or self._finished_ns is None:
+            return 0.0
+        return (self._clock.now_ns() - self._finished_ns) / NS_PER_S
+
     @property
     def is_waiting(self) -> bool:
         """Whether results are still to come."""
@@ -112,9 +143,10 @@ class SarIterations:
         self._on_iteration(self._iteration(number, report, result), result.profile)
 
     def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
-        reference_ns = report.end_ns
+        reference_ns, peer_p_enu_m = report.end_ns, None
         if result.estimate is not None:
             reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
+            peer_p_enu_m = report.peer_at(reference_ns)
         return Iteration(
             number,
             report.peer,
@@ -122,11 +154,14 @@ class SarIterations:
             report.end_ns,
             reference_ns,
             self._local_position(reference_ns),
+            peer_p_enu_m,
+            report.peer_boot,
             report.received,
             report.dropped,
             result.compute_s,
             result.estimate,
             report.refusal or result.refusal,
+            result.informativeness,
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:

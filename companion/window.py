@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,17 @@ class ApertureReport:
     """Forward packets heard in the time of the aperture."""
     dropped: Mapping[str, int]
     """Packets left out, per reason."""
+    peer_t_s: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    """Times (M,) of the aperture's packets from `start_ns`, rising."""
+    peer_p_m: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Where the peer's antenna was then, (M, 3), in its own frame with North-aligned axes."""
+    peer_boot: int = 0
+
+    def peer_at(self, t_ns: int) -> Vector3:
+        """Where the peer's antenna was at a time [ns] within the aperture, in its own frame."""
+        t_s = (t_ns - self.start_ns) / NS_PER_S
+        x, y, z = (float(np.interp(t_s, self.peer_t_s, self.peer_p_m[:, axis])) for axis in range(3))
+        return x, y, z
 
 
 class _Heard:
@@ -108,10 +119,14 @@ class SarWindow:
         forward = self._forward(neighbour.id, start_ns, end_ns)
         dropped: dict[str, int] = {}
         try:
-            aperture = self._join(neighbour, forward, start_ns, dropped)
+            aperture, peer_p_m = self._join(neighbour, forward, start_ns, dropped)
         except ApertureError as error:
             return ApertureReport(neighbour.id, start_ns, end_ns, None, str(error), len(forward.t_ns), dropped)
-        return ApertureReport(neighbour.id, start_ns, end_ns, aperture, "", len(forward.t_ns), dropped)
+        assert neighbour.session.boot_id is not None
+        return ApertureReport(
+            neighbour.id, start_ns, end_ns, aperture, "", len(forward.t_ns), dropped,
+            aperture.t_s, peer_p_m, neighbour.session.boot_id,
+        )  # fmt: skip
 
     def _antenna(self, start_ns: int, end_ns: int) -> tuple[Times, npt.NDArray[np.float64]]:
         """Times (N,) [ns] and positions (N, 3) of our antenna."""
@@ -140,7 +155,10 @@ class SarWindow:
         # Those before a reset of the card's clock keep the time they had.
         return np.where(np.abs(again_ns - t_ns) < _REMAP_NS // 2, again_ns, t_ns)
 
-    def _join(self, neighbour: Neighbour, forward: _Forward, start_ns: int, dropped: dict[str, int]) -> Aperture:
+    def _join(
+        self, neighbour: Neighbour, forward: _Forward, start_ns: int, dropped: dict[str, int]
+    ) -> tuple[Aperture, npt.NDArray[np.float64]]:
+        """The aperture and the peer's positions (M, 3) at its packets. Raises ApertureError."""
         if not len(forward.t_ns):
             raise ApertureError(f"no packets of {neighbour.name} were heard")
         reverse = neighbour.channels_since(start_ns - _REVERSE_LEAD_NS)
@@ -176,7 +194,7 @@ class SarWindow:
         dropped["no own pose"] = int(np.count_nonzero(strong & ~own_valid))
         dropped["no neighbour pose"] = int(np.count_nonzero(strong & own_valid & ~their_valid))
         keep = strong & own_valid & their_valid
-        return make_aperture(
+        aperture = make_aperture(
             t_s[keep],
             p_i_m[keep],
             (centre_ours * centre_theirs)[keep],
@@ -187,6 +205,7 @@ class SarWindow:
             reverse=theirs[keep],
             nic_us=nic_us[keep],
         )
+        return aperture, p_j_m[keep][np.argsort(t_s[keep], kind="stable")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,8 +26,10 @@ def figures_path() -> Path:
     return Path(os.environ.get(ENVIRONMENT) or ROOT / "build" / "faults.json")
 
 
-def record(number: int, test: str, **figures: Any) -> None:
-    """Adds the figures of one test, in place of those of an earlier run; several processes may do so at once."""
+def record(number: int, test: Any = None, **figures: Any) -> None:
+    """Adds the figures of one test, the running one if none is named, in place of those of an earlier run; several
+    processes may do so at once."""
+    test = test or os.environ["PYTEST_CURRENT_TEST"].split("::")[-1].split(" ")[0]
     path = figures_path()
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+", encoding="utf-8") as file:

@@ -11,7 +11,7 @@ import pytest
 from companion.recordings import Run, find_runs
 from companion.trajectories import PoseKind
 from tests.csi_records import DATA, needs_data
-from tests.faults.campaigns import FULL
+from tests.faults.campaign import is_long
 from tests.faults.figures import record as note
 from tests.live_run import run_live, transport
 
@@ -20,7 +20,7 @@ APART_DEG = 0.1
 
 def chosen() -> list[Run]:
     runs = find_runs(DATA) if DATA.is_dir() else []
-    if FULL:
+    if is_long():
         return runs
     return list({run.set_name: run for run in reversed(runs)}.values())
 

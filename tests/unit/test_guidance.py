@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,11 +37,12 @@ def test_a_leg_returns_to_its_height() -> None:
     assert leg.at(leg.duration_s + 5) == ((*leg.p_local_enu_m[-1],), (0.0, 0.0, 0.0))
 
 
-def bearing_to(target: np.ndarray, place: np.ndarray, t_s: float) -> Bearing:
+def bearing_to(target: np.ndarray, place: np.ndarray, t_s: float, own: np.ndarray | None = None) -> Bearing:
+    """A bearing without error; `own` is where the target's own poses put it."""
     x, y, z = target - place
-    return Bearing(
-        round(t_s * 1e9), tuple(place), math.atan2(y, x), math.acos(z / np.linalg.norm(target - place)), 0.001
-    )
+    polar_rad = math.acos(z / np.linalg.norm(target - place))
+    own_m = tuple(np.zeros(3) if own is None else own)
+    return Bearing(round(t_s * 1e9), tuple(place), math.atan2(y, x), polar_rad, 0.001, 0.001, own_m, 7)
 
 
 def test_two_places_make_a_position() -> None:
@@ -48,15 +50,49 @@ def test_two_places_make_a_position() -> None:
     target = np.array([6.0, 3.0, 0.5])
     assert math.isinf(tracker.add(bearing_to(target, np.array([0.0, 0.0, 1.5]), 0)).range_std_m)
     found = tracker.add(bearing_to(target, np.array([0.0, 3.0, 1.5]), 3))
-    assert found.p_local_enu_m is not None
-    np.testing.assert_allclose(found.p_local_enu_m, target, atol=0.05)
+    assert found.origin_local_enu_m is not None
+    np.testing.assert_allclose(found.origin_local_enu_m, target, atol=0.05)
     assert found.range_m == pytest.approx(math.hypot(6, 1), abs=0.05)
     assert 0 < found.range_std_m < 3.0
 
 
+def test_a_target_that_drives_across_is_not_taken_for_near() -> None:
+    """Standing it would have to be at 2.6 m to turn that fast; its own poses tell that it moved."""
+    tracker = TargetTracker()
+    origin = np.array([-40.0, 9.0, 2.0])
+    for leg in range(6):
+        target = np.array([8.0, 0.4 * leg, 0.3])
+        found = tracker.add(bearing_to(target, np.array([0.7 * leg, 0.0, 1.5]), 3.5 * leg, target - origin))
+    place, own = (3.5, 0.0, 1.5), (48.0, -7.0, -1.7)
+    assert found.range_from(place, own) == pytest.approx(math.dist(place, (8.0, 2.0, 0.3)), abs=0.05)
+    on_the_way = (49.0, -7.0, -1.7)
+    assert found.range_from(place, on_the_way) == pytest.approx(math.dist(place, (9.0, 2.0, 0.3)), abs=0.05)
+
+
+def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:
+    tracker = TargetTracker()
+    target = np.array([6.0, 3.0, 0.5])
+    for number, place in enumerate(np.array([[0.0, 0.0, 1.5], [0.0, 3.0, 1.5], [0.0, 6.0, 1.5]])):
+        flat = bearing_to(target, place, number)
+        found = tracker.add(replace(flat, polar_rad=math.pi / 2, polar_std_rad=math.inf) if number else flat)
+    assert found.origin_local_enu_m is not None
+    np.testing.assert_allclose(found.origin_local_enu_m[:2], target[:2], atol=0.05)
+
+
+def test_a_rebooted_target_has_another_origin() -> None:
+    tracker = TargetTracker()
+    target = np.array([6.0, 3.0, 0.5])
+    tracker.add(bearing_to(target, np.array([0.0, 0.0, 1.5]), 0))
+    tracker.add(bearing_to(target, np.array([0.0, 3.0, 1.5]), 3))
+    found = tracker.add(replace(bearing_to(target, np.array([1.0, 3.0, 1.5]), 6), target_boot=8))
+    assert found.origin_local_enu_m is None
+    assert found.boot == 8
+
+
 def test_lines_that_cross_behind_give_no_range() -> None:
     tracker = TargetTracker()
-    tracker.add(Bearing(0, (0.0, 0.0, 1.0), math.radians(100), math.pi / 2, 0.01))
-    found = tracker.add(Bearing(1, (1.0, 0.0, 1.0), math.radians(80), math.pi / 2, 0.01))
-    assert found.p_local_enu_m is None
+    first = bearing_to(np.array([-1.0, 5.0, 1.0]), np.array([0.0, 0.0, 1.0]), 0)
+    tracker.add(first)
+    found = tracker.add(bearing_to(np.array([2.0, 5.0, 1.0]), np.array([1.0, 0.0, 1.0]), 1))
+    assert found.origin_local_enu_m is None
     assert math.isinf(found.range_m)
