@@ -18,7 +18,12 @@ async def test_sleepers_wake_in_the_order_of_their_deadlines_at_exactly_these() 
 
     tasks = [asyncio.create_task(sleeper("a", 30, 70)), asyncio.create_task(sleeper("b", 20, 30, 50))]
     seen: list[int] = []
-    await clock.run(lambda now_ns: seen.append(now_ns) is None)
+
+    def live(now_ns: int) -> bool:
+        seen.append(now_ns)
+        return True
+
+    await clock.run(live)
     await asyncio.gather(*tasks)
     assert woken == [("b", 20), ("a", 30), ("b", 30), ("b", 50), ("a", 70)]
     assert seen == [20, 30, 50, 70]
