@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import importlib.metadata
 import logging
 import signal
@@ -20,9 +21,9 @@ from companion.control import ControlServer
 from companion.errors import CompanionError
 from companion.flight import Flight
 from companion.messages import Pose
-from companion.mission import Event
 from companion.node import Node
 from companion.notify import notify
+from companion.pose.forward import VioForwarder
 from companion.radio import ChannelSample
 from companion.recorder import Recorder
 from companion.sar import Iteration, SarIterations
@@ -30,7 +31,6 @@ from companion.window import SarWindow
 from wsr.channel import wavelength_m
 
 _log = logging.getLogger(__name__)
-_CONNECT_S = 60.0
 _WATCHDOG_S = 1.0
 
 
@@ -94,28 +94,43 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
         sar.take(result)
 
     def on_iteration(iteration: Iteration, profile: bytes) -> None:
+        doubt = node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
+        if doubt and config.neighbours.refuse_lookalikes:
+            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
         flight.take(iteration, profile)
 
-    node = Node(config, clock, recorder, on_sample, window.add_pose)
+    def on_pose(pose: Pose) -> None:
+        window.add_pose(pose)
+        forwarder.take(pose)
+
+    node = Node(config, clock, recorder, on_sample, on_pose)
+    window.nic_clock = node.radio.nic_clock
     process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
-    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration)
-    autopilot = MavsdkAutopilot(config.autopilot.url, clock)
+    trouble = node.intake.problem_between
+    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration, trouble)
+    autopilot = MavsdkAutopilot(config.autopilot.url, clock, node.odometry_sink())
+    forwarder = VioForwarder(autopilot, node.intake, config.autopilot.forward_vio_hz)
     flight = Flight(config, clock, node, autopilot, sar, recorder)
 
     async def answer(command: str) -> dict[str, Any]:
         if command == "status":
             return {"ok": True, **flight.status(), "health": _plain(node)}
-        if command in ("engage", "abort"):
-            refusal = flight.wish(Event(command))
+        if command == "engage":
+            refusal = await flight.engage()
             return {"ok": not refusal, "error": refusal}
-        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status"}
+        if command == "abort":
+            flight.abort()
+            return {"ok": True, "error": ""}
+        if command == "pose":
+            return _pose_answer(node, autopilot.state().yaw_enu_rad)
+        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
 
     try:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(node.run(), name="node")
             tasks.create_task(process.run(), name="aoa")
             tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
-            await autopilot.connect(_CONNECT_S)
+            tasks.create_task(autopilot.run(), name="autopilot")
             tasks.create_task(flight.run(), name="flight")
             tasks.create_task(_feed_watchdog(flight.is_ticking), name="watchdog")
             notify("READY=1")
@@ -138,6 +153,13 @@ async def _feed_watchdog(is_alive: Callable[[], bool]) -> None:
         await asyncio.sleep(_WATCHDOG_S)
         if is_alive():
             notify("WATCHDOG=1")
+
+
+def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:
+    pose, problem = node.intake.newest, node.intake.problem()
+    if pose is None or problem:
+        return {"ok": False, "error": f"no poses to check: {problem or node.intake.north_problem()}"}
+    return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}
 
 
 def _plain(node: Node) -> dict[str, Any]:

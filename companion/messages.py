@@ -66,16 +66,41 @@ class VehicleState:
     """Heading of the nose, counter-clockwise from East."""
     battery_remaining: float | None = None
     """0..1."""
+    estimator_mono_ns: int | None = None
+    """When the estimator last told of itself."""
+    estimator_healthy: bool = False
+    """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS)."""
+    timesync_mono_ns: int | None = None
+    """When the autopilot last took part in TIMESYNC."""
+    rc_mono_ns: int | None = None
+    rc_us: tuple[int, ...] = ()
+    """Pulse widths of the RC channels, first to last; empty without RC."""
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotEvent:
+    """Something the autopilot said (STATUSTEXT or EVENT)."""
+
+    t_mono_ns: int
+    severity: int
+    """0 emergency .. 7 debug, as in syslog."""
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """One position set point with velocity feed-forward, in the autopilot's local frame with ENU axes."""
+    """One set point in the autopilot's local frame with ENU axes.
+
+    With a position the velocity feeds it forward; without one (None) the velocity alone is flown. Without a yaw (None)
+    the autopilot keeps its heading.
+    """
 
     t_mono_ns: int
-    p_local_enu_m: Vector3
+    p_local_enu_m: Vector3 | None
     v_local_enu_m_s: Vector3
-    yaw_enu_rad: float
+    yaw_enu_rad: float | None
 
     def is_finite(self) -> bool:
-        return all(map(math.isfinite, (*self.p_local_enu_m, *self.v_local_enu_m_s, self.yaw_enu_rad)))
+        position = self.p_local_enu_m or ()
+        yaw = () if self.yaw_enu_rad is None else (self.yaw_enu_rad,)
+        return all(map(math.isfinite, (*position, *self.v_local_enu_m_s, *yaw)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,7 +77,9 @@ class SarIterations:
         config: ApertureConfig,
         clock: Clock,
         on_iteration: Callable[[Iteration, bytes], None],
+        pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
     ) -> None:
+        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
         self._window = window
         self._process = process
         self._neighbours = neighbours
@@ -85,7 +87,9 @@ class SarIterations:
         self._clock = clock
         self._on_iteration = on_iteration
         self._local = History(_LOCAL_CAPACITY, 3)
+        self._pose_problem = pose_problem
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._finished_ns: int | None = None
         self._number = 0
         self.start_ns: int | None = None
 
@@ -101,8 +105,12 @@ class SarIterations:
         if self.start_ns is None:
             return
         start_ns, self.start_ns = self.start_ns, None
+        self._finished_ns = self._clock.now_ns()
+        spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
             report = self._window.cut(neighbour, start_ns, end_ns)
+            if spoiled:
+                report = replace(report, aperture=None, refusal=spoiled)
             number, self._number = self._number, self._number + 1
             if report.aperture is None:
                 self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
@@ -117,6 +125,12 @@ class SarIterations:
     def is_ready(self) -> bool:
         """Whether the worker waits for apertures."""
         return self._process.ready.is_set()
+
+    def waiting_s(self) -> float:
+        """How long results have been waited for; 0 when none are."""
+        if not self._pending or self._finished_ns is None:
+            return 0.0
+        return (self._clock.now_ns() - self._finished_ns) / NS_PER_S
 
     @property
     def is_waiting(self) -> bool:

@@ -26,6 +26,21 @@ GATE: Final = Stream("/gate", 0, 0.0, "json")
 MISSION: Final = Stream("/mission", 0, 0.0, "json")
 BEARING: Final = Stream("/bearing", 0.3, 20.0, "json")
 PROFILE: Final = Stream("/aoa_profile", 0.3, 20.0, "raw")
+AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json")
+OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json")
 HEALTH: Final = Stream("/health", 1, 3.0, "json")
 
-STREAMS: Final = (CSI, POSE, NEIGHBOUR, VEHICLE, SETPOINT, GATE, MISSION, BEARING, PROFILE, HEALTH)
+STREAMS: Final = (
+    CSI,
+    POSE,
+    NEIGHBOUR,
+    VEHICLE,
+    SETPOINT,
+    GATE,
+    MISSION,
+    BEARING,
+    PROFILE,
+    AUTOPILOT_EVENT,
+    OBSERVED,
+    HEALTH,
+)

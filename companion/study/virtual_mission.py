@@ -21,12 +21,13 @@ from numpy.random import SeedSequence
 from companion import wire
 from companion.aoa_process import AoaProcess
 from companion.beacon import Beacon
+from companion.broadcast import NeighbourSender
 from companion.clock import NS_PER_S
 from companion.config import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
 from companion.flight import Flight
 from companion.messages import Pose, Vector3
-from companion.mission import Event, State
-from companion.neighbours import NeighbourReceiver, NeighbourSender
+from companion.mission import State
+from companion.neighbours import NeighbourReceiver
 from companion.node import Node
 from companion.recorder import Recorder
 from companion.sar import Iteration, SarIterations
@@ -42,6 +43,7 @@ Array = npt.NDArray[np.float64]
 
 RENDEZVOUS_M = 2.0
 _KEY = bytes(wire.MIN_KEY_BYTES)
+_BOOT_ID = 1
 _START_NS = 5 * NS_PER_S  # apertures and cameras want some past
 _BATCH_S = 0.2
 _LEVER_M: Vector3 = (0.06, 0.03, -0.05)
@@ -82,7 +84,7 @@ def config() -> Config:
         neighbours=NeighbourConfig(key_file="none"),
         peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
         pose=PoseConfig(antenna_m=_LEVER_M),
-        mission=MissionConfig(),
+        mission=MissionConfig(control="fly"),
         autopilot=AutopilotConfig("none"),
     )
 
@@ -129,9 +131,9 @@ class _World:
             settings.aperture.min_packets,
             settings.aperture.max_pose_gap_s,
         )
-        receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: _KEY}, clock)
+        receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: (_KEY,)}, clock)
         self._receiver = receiver
-        self._sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, settings.neighbours.pose_rate_hz)
+        self._sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, settings.neighbours.pose_rate_hz, _BOOT_ID)
         self._beacon = Beacon(self._sender)
         self._cameras = (CameraFeed(scenario, 0), CameraFeed(scenario, 1))
         self._worker = InlineWorker(settings.aperture.estimator, clock)
@@ -143,10 +145,12 @@ class _World:
             clock,
             self._on_iteration,
         )
-        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0))
-        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None))
+        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False)
+        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
+        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False))
         self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
-        self._engaged = False
+        self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
+        self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
         self._points: list[MissionPoint] = []
@@ -166,8 +170,9 @@ class _World:
             self._batch_s = self._step_s
         for result in self._worker.due(now_ns):
             self._sar.take(result)
-        if not self._engaged and now_ns >= _START_NS:
-            self._engaged = not self.flight.wish(Event.ENGAGE)
+        refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
+        if refused and now_ns >= _START_NS:
+            self._engaging = asyncio.ensure_future(self.flight.engage())
         return not self._is_over(now_ns)
 
     def result(self) -> MissionResult:
@@ -201,10 +206,11 @@ class _World:
             for peer_is_beacon, sample in self._radio.samples(until_s, uav, beacon):
                 if peer_is_beacon:
                     self._window.add_sample(sample)
+                    self._receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
                     self.flight.heard(sample.peer, sample.t_mono_ns)
                 else:
                     self._beacon.add_sample(sample)
-        if (datagram := self._sender.datagram()) is not None:
+        for datagram in self._sender.datagrams(round(until_s * NS_PER_S) + self._beacon_clock_ns):
             self._receiver.take(datagram)
 
     def _share_poses(self, poses: list[Pose]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from companion.aoa_wire import AoaResult, request_of
 from companion.aoa_worker import compute
 from companion.clock import NS_PER_S
-from companion.messages import FlightMode, Pose, Setpoint, Vector3, VehicleState
+from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
 from companion.pose.source import BodyFrame
 from companion.radio import ANTENNAS, ChannelSample
 from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand, Gusts
@@ -19,12 +19,17 @@ from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Trajectory
 from companion.sim.vio import Camera
 from companion.study.virtual_clock import VirtualClock
-from csi_bridge.records import CsiRecord
+from csi_bridge.records import SUBCARRIERS, CsiRecord
+from csi_bridge.scaling import total_rss_dbm
 from wsr.aperture import Aperture
-from wsr.channel import centre_channel
 from wsr.estimators import ESTIMATORS
 
 UAV_ID, BEACON_ID = 1, 2
+PARAMETERS = {
+    "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
+    "EKF2_EV_CTRL": 0,
+}  # fmt: skip
+"""Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025
 _COMPUTE_S = 0.1  # that the worker needs on the vehicle's processor, and the flight waits for
 
@@ -43,11 +48,18 @@ class Vehicle:
     def step(self) -> None:
         if self._mode is FlightMode.OFFBOARD and self._setpoint is not None:
             s = self._setpoint
-            self.airframe.step(Demand(s.p_local_enu_m, s.v_local_enu_m_s, s.yaw_enu_rad), AIRFRAME_S)
+            place = (None, None, None) if s.p_local_enu_m is None else s.p_local_enu_m
+            self.airframe.step(Demand(place, s.v_local_enu_m_s, s.yaw_enu_rad), AIRFRAME_S)
         else:
             self.airframe.step(Demand(self._hover_m, (0.0, 0.0, 0.0)), AIRFRAME_S)
 
     async def connect(self, timeout_s: float = 10.0) -> None: ...
+
+    async def run(self) -> None: ...
+
+    @property
+    def problem(self) -> str:
+        return ""
 
     async def aclose(self) -> None: ...
 
@@ -55,7 +67,8 @@ class Vehicle:
         now_ns = self._clock.now_ns()
         return VehicleState(
             now_ns, now_ns, self._mode, now_ns, True, True, False, now_ns,
-            self.airframe.estimated_p_enu_m, self.airframe.v_enu_m_s, self.airframe.yaw_enu_rad,
+            self.airframe.estimated_p_enu_m, self.airframe.v_enu_m_s, self.airframe.yaw_enu_rad, 1.0, now_ns, True,
+            now_ns,
         )  # fmt: skip
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
@@ -74,8 +87,16 @@ class Vehicle:
     async def land(self) -> None:
         self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.LAND
 
+    async def return_home(self) -> None:
+        self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.RETURN
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def take_events(self) -> list[AutopilotEvent]:
+        return []
+
     async def parameter(self, name: str) -> int | float:
-        raise NotImplementedError(name)
+        return PARAMETERS[name]
 
 
 class InlineWorker:
@@ -142,12 +163,11 @@ def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
     """The same values as `companion.radio.Radio` gives, for all records at once."""
     if not records:
         return []
-    csi = np.array([record.csi[:, :, 0] for record in records]).swapaxes(1, 2)
-    centre = centre_channel(csi)
     samples = []
-    for record, row in zip(records, centre, strict=True):
-        values = np.zeros(ANTENNAS, np.complex64)
-        values[list(record.antennas)] = row
+    for record in records:
+        csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
+        csi[:, list(record.antennas)] = record.csi[:, :, 0]
         t_ns = (record.host_time_ns or 0) - DEFAULT_EPOCH_NS
-        samples.append(ChannelSample(peer, record.frame_count or 0, t_ns, record.timestamp_low_us, values))
+        power_dbm = total_rss_dbm(record.rssi, record.agc)
+        samples.append(ChannelSample(peer, record.frame_count, t_ns, record.timestamp_low_us, csi, power_dbm))
     return samples

@@ -63,6 +63,7 @@ def test_set_points_came_at_20_hertz_and_only_for_offboard(
     result = json.loads((finished[1] / "result.json").read_text())
     print(f"{result['mean_setpoint_rate_hz']:.2f} set points a second in offboard flight")
     assert 18 <= result["mean_setpoint_rate_hz"] <= 22
+    assert result["lowest_setpoint_rate_hz"] >= 17  # in any second; one may fall beyond either end of it
     # PX4 wants to see the stream before it grants OFFBOARD; none came after leaving it.
     assert result["setpoints_before_offboard"] <= 40
     assert result["setpoints_after_offboard"] == 0
