@@ -108,11 +108,12 @@ async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> Mis
     world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s)
     flying = asyncio.create_task(world.flight.run())
     await clock.run(world.live)
+    ended_in = world.flight.state  # a flight that is cancelled leaves its state
     flying.cancel()
     await asyncio.gather(flying, return_exceptions=True)
     if not flying.cancelled() and (error := flying.exception()) is not None:
         raise error
-    return world.result()
+    return world.result(ended_in)
 
 
 class _World:
@@ -145,9 +146,7 @@ class _World:
             clock,
             self._on_iteration,
         )
-        intake = SimpleNamespace(
-            problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda t_ns, yaw_rad: None
-        )
+        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda *_: None)
         node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
         recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False))
         self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
@@ -177,11 +176,11 @@ class _World:
             self._engaging = asyncio.ensure_future(self.flight.engage())
         return not self._is_over(now_ns)
 
-    def result(self) -> MissionResult:
+    def result(self, ended_in: State) -> MissionResult:
         apart = [math.dist(uav, beacon) for _, uav, beacon in self._truth]
         reached = bool(apart) and apart[-1] <= RENDEZVOUS_M
         time_s = max(0.0, self._clock.now_ns() - _START_NS) / NS_PER_S
-        end = "rendezvous" if reached else str(self.flight.state)
+        end = "rendezvous" if reached else str(ended_in)
         self._points = [self._point(iteration) for iteration in self._iterations]
         return MissionResult(reached, time_s, min(apart, default=math.inf), end, self._points)
 

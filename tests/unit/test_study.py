@@ -156,6 +156,7 @@ def test_rendezvous_is_the_same_mission_for_the_same_seed(tmp_path: Path) -> Non
     assert msgspec.json.encode(first) == msgspec.json.encode(again)
     assert len(first.steps) > 3
     assert first.reached == (first.closest_m <= 2.0)
+    assert first.reached or first.end in ("arrived", "landing", "latched", "holding", "approaching", "acquiring")
     assert all(step.distance_m > first.closest_m - 0.5 for step in first.steps)
     errors = [step.error.great_circle_deg for step in first.steps if step.error is not None]
     assert np.median(errors) < 10.0

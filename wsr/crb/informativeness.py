@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +33,6 @@ class Prior:
     weight: Array
 
 
-@lru_cache(maxsize=4)
 def sphere_prior(step_rad: float = _STEP_RAD) -> Prior:
     """Anywhere: a grid of `step_rad`, each point with its solid angle. Points lie half a step from the poles."""
     azimuth, polar = (a.ravel() for a in np.meshgrid(*_axes(step_rad)))
