@@ -84,11 +84,15 @@ def helix_path(rng: np.random.Generator, length_m: float = LENGTH_M, packets: in
 
 
 def arbitrary_path(rng: np.random.Generator, length_m: float = LENGTH_M, packets: int = PACKETS) -> Array:
-    """A smooth random path in space: three slow harmonics on each axis."""
+    """A smooth random path: three slow harmonics on each axis, drawn anew until it spans two wavelengths each way."""
     t = np.linspace(0.0, 1.0, packets)
-    waves = [np.sin(np.pi * n * t + phase) for n, phase in zip((1, 2, 3), rng.uniform(0, 2 * np.pi, 3), strict=True)]
-    p = np.stack(waves, axis=1) @ (rng.normal(size=(3, 3)) / np.array([[1.0], [1.5], [2.0]]))
-    return _scaled(p, length_m)
+    while True:
+        phases = rng.uniform(0, 2 * np.pi, 3)
+        waves = [np.sin(np.pi * n * t + phase) for n, phase in zip((1, 2, 3), phases, strict=True)]
+        p = _scaled(np.stack(waves, axis=1) @ (rng.normal(size=(3, 3)) / np.array([[1.0], [1.5], [2.0]])), length_m)
+        centred = p - p.mean(axis=0)
+        if np.ptp(centred @ np.linalg.svd(centred, full_matrices=False)[2][2]) > 2 * WAVELENGTH_M:
+            return p
 
 
 PATHS: dict[str, Callable[[np.random.Generator], Array]] = {"helix": helix_path, "arbitrary": arbitrary_path}

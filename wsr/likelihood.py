@@ -2,8 +2,8 @@
 
 With y_s = sum_b h_b(s) exp(j phi_b), m_b = sum_s h_b(s) exp(j phi_b) y_s^* and J (B, n) the slopes of the phases, less
 their mean weighted by Re m, Gauss-Newton steps  -(J^T Re(m) J)^-1 J^T Im(m)  lead to where J^T Im m = 0. For white
-noise that is the maximum-likelihood estimate. Grids and parabolas in float32 end within some thousandths of a degree of it,
-which is more than the noise of a strong signal.
+noise that is the maximum-likelihood estimate. Grids and parabolas in float32 end within some thousandths of a degree of
+it, which is more than the noise of a strong signal.
 """
 
 from __future__ import annotations
