@@ -23,6 +23,8 @@ from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions, interpolate
 from wsr.errors import ApertureError
 from wsr.estimators import ESTIMATORS
+from wsr.estimators.options import RobustOptions
+from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle, wrap_angle
 from wsr.profile import Profile
 
@@ -108,6 +110,8 @@ class Options:
     lever_m: Vector3 | None = None
     estimator: str = "robust"
     """One of `wsr.estimators.ESTIMATORS`."""
+    robust: RobustOptions = field(default_factory=RobustOptions)
+    """Switches of `robust`, where that is the estimator."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,7 +183,11 @@ def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str
     mocap = _mocap(run, trajectory, problems)
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
-    return _Scene(rx, trajectory, p_antenna_m, mocap, truth, wavelength, ESTIMATORS[options.estimator]())
+    return _Scene(rx, trajectory, p_antenna_m, mocap, truth, wavelength, _estimator(options))
+
+
+def _estimator(options: Options) -> Estimator:
+    return Robust(options.robust) if options.estimator == "robust" else ESTIMATORS[options.estimator]()
 
 
 def _check_overlap(trajectory: Trajectory, packet_t_s: npt.NDArray[np.float64], path: Path) -> None:

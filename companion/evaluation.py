@@ -11,11 +11,13 @@ import numpy as np
 
 from companion.analysis import LinkResult, Options, RunResult, analyze_run
 from companion.recordings import Run
+from wsr.profile import profile_variance
 
 ALL = "all"
 UNEVALUATED_DEG = 180.0
 """The error of a link that has its files but gave no estimate: as wrong as can be."""
 _WITHIN_DEG = 10.0
+_RELIABLE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,8 @@ class LinkRow:
     packets: int
     reason: str
     """Why there is no estimate; empty where there is one."""
+    profile_variance: float | None = None
+    """The confidence of the WSR Toolbox, lower is better, for comparison with the reliability."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,20 @@ class Figures:
     mean_deg: float
     p90_deg: float
     within_10: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What the reliability is worth over all links. Areas are under the curves of `risk_coverage`, in degrees."""
+
+    reliable: int
+    """Links whose reliability is above 0.8."""
+    reliable_within_3_std: float | None
+    """Share of those whose azimuth error is within 3 of their standard deviations; None if there are none."""
+    area_reliability_deg: float
+    area_profile_variance_deg: float
+    best_half: Figures
+    """The more reliable half of the links."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +86,7 @@ class Evaluation:
     min_reliability: float
     sets: dict[str, Figures]
     reliable: dict[str, Figures]
+    trust: Trust
     links: list[LinkRow]
     left_out: list[LeftOut]
 
@@ -93,13 +112,39 @@ def evaluation(
     rows = sorted(links, key=lambda row: (row.set, row.position, row.run, row.tx))
     reliable = [row for row in rows if row.reliability >= min_reliability]
     return Evaluation(
-        poses, estimator, min_reliability, _by_set(rows), _by_set(reliable), rows, sorted(left_out, key=lambda o: o.run)
+        poses,
+        estimator,
+        min_reliability,
+        _by_set(rows),
+        _by_set(reliable),
+        trust(rows),
+        rows,
+        sorted(left_out, key=lambda o: o.run),
     )
 
 
-def risk_coverage(links: Sequence[LinkRow]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean error (N,) [deg] of the most reliable links against the share (N,) of links kept."""
-    order = np.argsort([-row.reliability for row in links], kind="stable")
+def trust(links: Sequence[LinkRow]) -> Trust:
+    """What the reliability of these links, one at least, is worth."""
+    sure = [row for row in links if row.reliability > _RELIABLE and row.azimuth_std_deg is not None]
+    within = [row.error_deg <= 3 * (row.azimuth_std_deg or 0.0) for row in sure]
+    by_reliability = sorted(links, key=lambda row: -row.reliability)
+    half = by_reliability[: max(1, len(links) // 2)]
+    return Trust(
+        len(sure),
+        float(np.mean(within)) if sure else None,
+        float(risk_coverage(links)[1].mean()),
+        float(risk_coverage(links, by_profile_variance=True)[1].mean()),
+        _figures([row.error_deg for row in half]),
+    )
+
+
+def risk_coverage(links: Sequence[LinkRow], by_profile_variance: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Mean error (N,) [deg] of the most reliable links, or those of the lowest profile variance, against the share (N,)
+    of links kept."""
+    score = [row.reliability for row in links]
+    if by_profile_variance:
+        score = [-math.inf if row.profile_variance is None else -row.profile_variance for row in links]
+    order = np.argsort([-value for value in score], kind="stable")
     errors = np.array([row.error_deg for row in links])[order]
     kept = np.arange(1, len(errors) + 1)
     return kept / max(len(errors), 1), np.cumsum(errors) / kept
@@ -144,6 +189,9 @@ def _row(run: Run, link: LinkResult) -> LinkRow:
         reliability=estimate.reliability,
         packets=estimate.packets,
         reason="",
+        profile_variance=None
+        if link.profile is None
+        else profile_variance(link.profile, estimate.azimuth_rad, estimate.polar_rad),
     )
 
 

@@ -42,6 +42,7 @@ def draw_risk_coverage(path: Path, result: Evaluation) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     axes.plot(*risk_coverage(result.links), color="black", label="most reliable first")
+    axes.plot(*risk_coverage(result.links, by_profile_variance=True), "k:", label="lowest profile variance first")
     mean = float(np.mean([row.error_deg for row in result.links]))
     axes.axhline(mean, color="0.5", linestyle="--", label=f"all links: {mean:.1f}°")
     axes.set(

@@ -22,6 +22,7 @@ _POSITION_COLUMNS = 5
 _ATTITUDE_COLUMNS = 9
 _MAX_STEP_M = 0.1
 _MAX_STEP_S = 0.1
+_MAX_STEPPED_BACK = 0.1
 
 
 class PoseKind(StrEnum):
@@ -108,6 +109,10 @@ def _rows(path: Path) -> tuple[Array, list[str]]:
     finite = table[np.isfinite(table).all(axis=1)]
     if len(finite) < 2:
         raise TrajectoryError(f"{path}: no finite poses in {len(rows)} rows")
+    late = _stepped_back(finite[:, 0] + finite[:, 1] * 1e-9)
+    if np.any(late):
+        problems.append(f"{path}: {int(late.sum())} poses left out, whose clock stepped back over earlier ones")
+        finite = finite[~late]
     return np.asarray(finite[np.argsort(finite[:, 0] + finite[:, 1] * 1e-9, kind="stable")]), problems
 
 
@@ -159,6 +164,15 @@ def _attitudes(rows: Array) -> Array | None:
     q_wxyz = rows[:, [8, 5, 6, 7]]
     norm = np.linalg.norm(q_wxyz, axis=1, keepdims=True)
     return np.asarray(q_wxyz / norm) if np.all(np.abs(norm - 1) < 0.1) else None
+
+
+def _stepped_back(t_s: Array) -> npt.NDArray[np.bool_]:
+    """Which rows (N,) are stamped before an earlier one, if they are few: there the logger's clock stepped back, and
+    sorted by time they would stand between poses that they do not belong to. Many such rows are a file out of order.
+    """
+    late = np.zeros(t_s.size, np.bool_)
+    late[1:] = t_s[1:] < np.maximum.accumulate(t_s)[:-1]
+    return late if late.mean() <= _MAX_STEPPED_BACK else np.zeros(t_s.size, np.bool_)
 
 
 def _jumps(t_s: Array, p_m: Array) -> int:

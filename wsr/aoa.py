@@ -39,6 +39,8 @@ class AoaEstimate:
     aperture cannot tell from the reported one: the mirror image of a planar one. `paths` are the highest peaks, the
     reported one first.
 
+    `drift_turns` of phase over the aperture were taken out as a velocity error of the poses; 0 where none was found.
+
     `packets` were used, `dropped` counts the others by reason. The reference point is the mean position of the
     packets, as the estimator weighs them: `Aperture.reference_p_m` plus the weighted mean of chi. So the point in any
     other frame is that frame's mean over the packets, plus (reference_p_m - aperture.reference_p_m).
@@ -65,6 +67,7 @@ class AoaEstimate:
     range_observable: bool = False
     paths: tuple[Peak, ...] = ()
     dropped: Mapping[str, int] = field(default_factory=dict)
+    drift_turns: float = 0.0
 
 
 class Estimator(Protocol):

@@ -24,6 +24,12 @@ class Bins:
     segment: NDArray[np.int64]
     weights: Array
 
+    def means(self, values: Array) -> Array:
+        """Mean (B,) over each bin of one value per packet (M,)."""
+        used = np.flatnonzero(self.weights)
+        starts = np.cumsum(self.counts) - self.counts
+        return np.asarray(np.add.reduceat((values * self.weights)[used], starts))
+
 
 def path_bins(
     p_m: Array, channel: Complex, keep: NDArray[np.bool_], segment: NDArray[np.int64], length_m: float | None

@@ -54,6 +54,18 @@ def bartlett_profile_oracle(
     return Profile(power, AZIMUTH_RAD, POLAR_RAD)
 
 
+def profile_variance(profile: Profile, azimuth_rad: float, polar_rad: float) -> float:
+    """Spread of a profile about its peak over that of a profile without one: the confidence of the WSR Toolbox.
+
+    sum F d^2 / sum F over mean d^2, d^2 = (azimuth difference)^2 + (polar difference)^2, on the grid and with none of the
+    sphere's weights; low where the power is in one place. (The toolbox divides by sum F once more, which depends on the
+    number of packets alone in its normalisation and on nothing in this one.)
+    """
+    azimuth = np.remainder(profile.azimuth_rad - azimuth_rad + np.pi, 2 * np.pi) - np.pi
+    squared = (profile.polar_rad - polar_rad)[:, None] ** 2 + azimuth[None, :] ** 2
+    return float((profile.power * squared).sum() / profile.power.sum() / squared.mean())
+
+
 def _amplitude_sum(chi_m: NDArray[np.float64], channel: NDArray[np.complex128]) -> float:
     scale = float(np.abs(channel).sum())
     if not (np.isfinite(scale) and np.isfinite(chi_m).all()):

@@ -16,35 +16,50 @@ Array = NDArray[np.float64]
 
 
 def bound(
-    x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float, range_m: float | None, level: bool
+    x_m: Array,
+    wavelength_m: float,
+    azimuth_rad: float,
+    polar_rad: float,
+    range_m: float | None,
+    level: bool,
+    nuisance: Array | None = None,
 ) -> Array:
     """Cramer-Rao bound (3, 3) of (azimuth, polar angle, range) for a phase variance of 1 rad^2 and unknown phase.
 
     Spherical waves, phase 2 pi |r u - x| / lambda at x (B, 3): the rows of the Jacobian are 2 pi / lambda times
     (r du/daz . e, r du/dpol . e, u . e - 1) with e the unit vector from x to the source, less their mean; far field
     (None): -(du . x). `level`: the polar angle is not a free parameter. What is not free or not determined has an
-    infinite variance.
+    infinite variance. `nuisance` (B,): a phase of this form and unknown size is estimated too, so that what it explains
+    tells nothing.
     """
+    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, azimuth_rad, polar_rad, range_m)
+    free = [0] if level else [0, 1]
+    if range_m is not None:
+        free.append(2)
+    rows = (slopes - slopes.mean(axis=0))[:, free]
+    if nuisance is not None:
+        tau = nuisance - nuisance.mean()
+        rows = rows - np.outer(tau, tau @ rows) / max(float(tau @ tau), 1e-300)
+    result = np.diag(np.full(3, math.inf))
+    result[np.ix_(free, free)] = _inverse(rows)
+    return result
+
+
+def phase_slopes(x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float, range_m: float | None) -> Array:
+    """Slopes (B, 3) of the phase 2 pi (|r u - x| - r) / lambda at x (B, 3) over azimuth, polar angle and range; (B, 2)
+    without the range in the far field (None)."""
     du = np.stack(
         [
             [-math.sin(polar_rad) * math.sin(azimuth_rad), math.sin(polar_rad) * math.cos(azimuth_rad), 0.0],
             direction(azimuth_rad, polar_rad + math.pi / 2),
         ]
     )
-    u = direction(azimuth_rad, polar_rad)
-    x = x_m - x_m.mean(axis=0)
     if range_m is None:
-        rows = -(x @ du.T)
-        free = [0] if level else [0, 1]
-    else:
-        e = range_m * u - x
-        e /= np.linalg.norm(e, axis=1, keepdims=True)
-        rows = np.column_stack([range_m * (e @ du.T), e @ u - 1.0])
-        free = [0, 2] if level else [0, 1, 2]
-    rows = 2 * math.pi / wavelength_m * (rows - rows.mean(axis=0))[:, free]
-    result = np.diag(np.full(3, math.inf))
-    result[np.ix_(free, free)] = _inverse(rows)
-    return result
+        return np.asarray(-2 * math.pi / wavelength_m * (x_m @ du.T))
+    u = direction(azimuth_rad, polar_rad)
+    e = range_m * u - x_m
+    e /= np.linalg.norm(e, axis=1, keepdims=True)
+    return np.asarray(2 * math.pi / wavelength_m * np.column_stack([range_m * (e @ du.T), e @ u - 1.0]))
 
 
 def phase_variance(residual_rad: Array) -> float:

@@ -14,7 +14,7 @@ from rich.progress import Progress
 
 from companion.analysis import Options
 from companion.errors import CompanionError
-from companion.evaluation import Evaluation, LeftOut, LinkRow, evaluate_run, evaluation
+from companion.evaluation import Evaluation, LeftOut, LinkRow, Trust, evaluate_run, evaluation
 from companion.evaluation_report import figures_table
 from companion.recordings import Run, find_runs
 from companion.trajectories import PoseKind
@@ -107,11 +107,21 @@ def _print(result: Evaluation, console: Console) -> None:
     console.print(figures_table(f"|azimuth error|, all links ({result.estimator}, {result.poses})", result.sets))
     title = f"reliability {result.min_reliability:g} or more"
     console.print(figures_table(title, result.reliable, of=result.sets))
+    console.print(_trust_line(result.trust), highlight=False)
     for row in result.links:
         if row.reason:
             console.print(f"  ! {row.set} {row.run} {row.tx}: {row.reason}", markup=False, highlight=False)
     for entry in result.left_out:
         console.print(f"  - not counted: {entry.set} {entry.run}: {entry.reason}", markup=False, highlight=False)
+
+
+def _trust_line(trust: Trust) -> str:
+    within = "" if trust.reliable_within_3_std is None else f", {trust.reliable_within_3_std:.0%} within 3 deviations"
+    return (
+        f"reliability above 0.8: {trust.reliable} links{within}; more reliable half: median "
+        f"{trust.best_half.median_deg:.2f}°, mean {trust.best_half.mean_deg:.2f}°; area under risk and coverage: "
+        f"{trust.area_reliability_deg:.2f}° by reliability, {trust.area_profile_variance_deg:.2f}° by profile variance"
+    )
 
 
 def _draw(result: Evaluation, out: Path, console: Console) -> None:

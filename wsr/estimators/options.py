@@ -31,6 +31,8 @@ class RobustOptions:
     min_reciprocity: float = 0.8
     resign: bool = True
     """Join the pieces of a broken chain of signs as they add up; off: add them in power."""
+    drift: bool = True
+    """Look for a linear phase over time, of a constant velocity error, where the path is spatial; `wsr.drift`."""
     gate: bool = False
     """Drop packets that fit neither sign."""
     far_wavelengths: float = 1 / 3

@@ -28,6 +28,8 @@ class Prepared:
     dropped: dict[str, int]
     reciprocity: float
     offset_hz: float
+    bin_t_s: Array
+    """(B,) mean time of each bin."""
 
 
 def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
@@ -66,7 +68,14 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     bins = path_bins(aperture.chi_m, channel, keep, segment, length_m)
     unfit = aperture.packets - int(np.count_nonzero(keep)) - disagree
     dropped = {"ends disagree": disagree, "phase step": unfit}
-    return Prepared(bins, wavelength_m, {k: v for k, v in dropped.items() if v}, float(np.median(agreement)), offset_hz)
+    return Prepared(
+        bins,
+        wavelength_m,
+        {reason: count for reason, count in dropped.items() if count},
+        float(np.median(agreement)),
+        offset_hz,
+        bins.means(aperture.t_s),
+    )
 
 
 def _folded(aperture: Aperture) -> tuple[Complex, Array, Complex]:

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate, Matrix3
 from wsr.aperture import Aperture
+from wsr.drift import Drift, find_drift, turned
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, reliability
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, refine, sphere_grid
-from wsr.geometry import direction, wrap_angle
+from wsr.geometry import direction, great_circle, wrap_angle
+from wsr.likelihood import matched, most_likely
 from wsr.peaks import Peak, find_peaks, mirrored
 from wsr.pictures import level_profile, look_profile, ring_peaks
 from wsr.profile import Profile
@@ -31,6 +33,9 @@ _OBSERVABLE_RAD = math.radians(10.0)
 _OBSERVABLE_RANGE_SHARE = 0.5
 _FAR_M = 60.0
 _PATHS = 5
+# Mean squares of blocks of residual phases over those of white noise, from where on they are taken to hold a trend.
+_TREND = 4.0
+_APART_RAD = math.radians(12.0)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -38,7 +43,8 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """A search over x_m (B, 3), the bins about their centroid; `level`: a horizontal plane, azimuth only."""
+    """A search over x_m (B, 3), the bins about their centroid; `level`: a horizontal plane, azimuth only. With `drift`
+    all of it is of the bins with that phase taken out."""
 
     look: Look
     focus: Focus
@@ -46,6 +52,7 @@ class Found:
     parts: SubApertures
     x_m: Array
     extents_m: tuple[float, float, float]
+    drift: Drift | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +81,8 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     x = bins.p_m - bins.p_m.mean(axis=0)
     axes = np.linalg.svd(x.T @ x)[2]
     extents = np.sort(np.ptp(x @ axes.T, axis=0))[::-1]
-    level = bool(
-        extents[2] < max(_MIN_EXTENT_WAVELENGTHS * wavelength_m, _MIN_EXTENT_SHARE * extents[0])
-        and abs(axes[2, 2]) > _LEVEL_COSINE
-    )
+    flat = extents[2] < max(_MIN_EXTENT_WAVELENGTHS * wavelength_m, _MIN_EXTENT_SHARE * extents[0])
+    level = bool(flat and abs(axes[2, 2]) > _LEVEL_COSINE)
     if level:
         # What is left of height there is the tracker's drift.
         x = x - np.outer(x @ axes[2], axes[2])
@@ -99,15 +104,43 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         options.coherent_above,
         options.refine_steps,
     )
-    return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])))
+    drift = None
+    if options.drift and not flat and _leaves_a_trend(fused, x, bins.segment, focus):
+        starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
+        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, wavelength_m / float(extents[0]))
+    if drift is not None:
+        fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
+        seen = look(fused, grid, ranges_m, options.delay_ns)
+    if not level and focus.coherence > options.coherent_above:
+        focus = most_likely(fused, x, bins.segment, focus, None if drift is None else drift.tau)
+    return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])), drift)
+
+
+def _leaves_a_trend(parts: SubApertures, x: Array, segment: NDArray[np.int64], focus: Focus) -> bool:
+    """Whether what the focus leaves of the phases is more than white noise."""
+    return time_correlation(np.angle(matched(parts, x, segment, focus))) > _TREND
+
+
+def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
+    """The best direction of a look that is not the focus's."""
+    apart = great_circle(direction(seen.azimuth_rad, seen.polar_rad), direction(focus.azimuth_rad, focus.polar_rad))
+    at = int(np.argmax(np.where(apart > _APART_RAD, seen.power, 0.0)))
+    return float(seen.azimuth_rad[at]), float(seen.polar_rad[at])
 
 
 def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tuple[Peak, ...]) -> AoaEstimate:
     focus, dimension = found.focus, aperture.dimension
-    residual = _residual_rad(found.parts, prepared.bins.segment, focus)
-    unit = bound(
-        found.x_m, prepared.wavelength_m, focus.azimuth_rad, focus.polar_rad, focus.range_m, found.level
-    ) * phase_variance(residual)
+    # Phase of each bin, over all subcarriers, that direction and range leave unexplained.
+    residual = np.angle(matched(found.parts, found.x_m, prepared.bins.segment, focus))
+    unit = phase_variance(residual) * bound(
+        found.x_m,
+        prepared.wavelength_m,
+        focus.azimuth_rad,
+        focus.polar_rad,
+        focus.range_m,
+        found.level,
+        None if found.drift is None else found.drift.tau,
+    )
     if dimension == 1:
         unit = np.diag(np.full(3, math.inf))
     evidence = Evidence(
@@ -118,10 +151,13 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
     )
     best = _reported(focus, paths)
     image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
-    covariance = _covariance(unit, time_correlation(residual), model_error_rad(evidence), focus.polar_rad)
+    inflation = time_correlation(residual)
+    covariance = _covariance(unit, inflation, model_error_rad(evidence), focus.polar_rad)
     azimuth_std, polar_std, range_std = (math.sqrt(v) for v in np.diag(covariance))
-    azimuth_ok = azimuth_std < 2 * _OBSERVABLE_RAD and dimension > 1
-    polar_ok = polar_std < 2 * _OBSERVABLE_RAD and dimension > 1 and not found.level
+    # By the geometry and its noise. An answer that multipath makes vague is still one, with a deviation that says so.
+    azimuth_bound, polar_bound = (math.sqrt(inflation * v) for v in np.diag(unit)[:2])
+    azimuth_ok = azimuth_bound < _OBSERVABLE_RAD and dimension > 1
+    polar_ok = polar_bound < _OBSERVABLE_RAD and dimension > 1 and not found.level
     if image is not None:
         azimuth_ok &= abs(float(wrap_angle(best.azimuth_rad - image.azimuth_rad))) < _OBSERVABLE_RAD
         polar_ok &= abs(best.polar_rad - image.polar_rad) < _OBSERVABLE_RAD
@@ -151,6 +187,7 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
         range_observable=range_ok,
         paths=(best, *(p for p in paths[1:])),
         dropped=prepared.dropped,
+        drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
 
 
@@ -159,23 +196,6 @@ def _reported(focus: Focus, paths: tuple[Peak, ...]) -> Peak:
     top = paths[0]
     azimuth = float(wrap_angle(focus.azimuth_rad))
     return Peak(azimuth, focus.polar_rad, focus.coherence, 1.0, top.prominence, top.width_rad)
-
-
-def _residual_rad(parts: SubApertures, segment: NDArray[np.int64], focus: Focus) -> Array:
-    """Phase (B,) of each bin, over all subcarriers, that direction and range leave unexplained."""
-    x = parts.x.T.astype(np.float64)
-    u = direction(focus.azimuth_rad, focus.polar_rad)
-    r = None if focus.range_m is None else focus.range_m / parts.wavelength_m
-    path = -(x @ u) if r is None else np.linalg.norm(r * u - x, axis=1) - r
-    turned = (parts.h[0] + 1j * parts.h[1]).T * np.exp(2j * math.pi * path)[:, None]
-    starts = np.flatnonzero(np.diff(segment, prepend=-1))
-    pieces = np.add.reduceat(turned, starts, axis=0)
-    total = np.zeros(turned.shape[1], np.complex128)
-    for piece in pieces[np.argsort(-np.linalg.norm(pieces, axis=1))]:
-        total = total + (piece if np.vdot(total, piece).real >= 0 else -piece)
-    sign = np.where((pieces @ total.conj()).real < 0, -1.0, 1.0)
-    matched = (turned @ total.conj()) * np.repeat(sign, np.diff(np.append(starts, len(segment))))
-    return np.asarray(np.angle(matched))
 
 
 def _great_circle(unit: Array, polar_rad: float, level: bool) -> float:
