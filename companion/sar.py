@@ -63,6 +63,7 @@ class Iteration:
             estimate.polar_std_rad if estimate.polar_observable else math.inf,
             self.peer_p_enu_m,
             self.peer_boot,
+            estimate.reliability,
         )
 
 

@@ -11,7 +11,9 @@ from companion.neighbours import Neighbour
 from companion.tracker import Bearing, Target, TargetTracker
 
 _KNOWN_STD_M: Final = 1.0
-"""A triangulated place that is less sure than this keeps nothing at a distance: it may be anywhere."""
+"""A place that is less sure than this keeps nothing at a distance: it may be anywhere."""
+_AGREED: Final = 0.6
+"""The least share of bearings that point to a place before it may end the approach."""
 
 
 class Targets:
@@ -39,6 +41,8 @@ class Targets:
         target = self.target
         place = self._place(self._target) if target is not None else None
         if target is None or place is None:
+            return False
+        if target.agreement < _AGREED:
             return False
         return math.dist(p_local_enu_m, place) + 2 * target.range_std_m < arrival_range_m
 

@@ -1,21 +1,38 @@
-"""Bearings from several places -> where the target is, and how sure that is."""
+"""Bearings from several places -> where the target is, and how sure that is.
+
+The posterior over a grid of places about the newest bearing's own, not a least squares of lines: bearings along one
+line of flight do not tell the range, and least squares then finds a place beside the vehicle as readily as one far
+away, with a small deviation there. A bearing may also be wrong altogether (a reflection): each is a mixture of itself
+and of nothing, by its reliability, so that one that disagrees with the others is outvoted.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from companion.messages import Vector3
 
-_Array = npt.NDArray[np.float64]
-_KEPT = 8
-_FLOOR_RAD = math.radians(6.0)  # pose drift, reflections and, near the target, curvature: no bound on noise knows them
-_DRIFT_M_S = 0.02  # how fast the poses of the two robots part from the truth: 1.5 % of walking pace each
-_ITERATIONS = 4
+_Floats = npt.NDArray[np.floating[Any]]
+_KEPT: Final = 8
+_FLOOR_RAD: Final = math.radians(6.0)
+"""Pose drift, reflections and, near the target, curvature: no bound on noise knows them."""
+_DRIFT_M_S: Final = 0.02
+"""How fast the poses of the two robots part from the truth: 1.5 % of walking pace each."""
+_MOST_TRUSTED: Final = 0.9
+"""The share of bearings of reliability 1 that are of the direct path."""
+_REACH_M: Final = 40.0
+"""Targets are looked for up to here: radio does not reach much farther indoors."""
+_NEAREST_M: Final = 0.4
+_ONE_MODE_RAD: Final = math.radians(18.0)
+"""Places within this angle of the most likely one are the same target; others are rivals."""
+_STEP_RAD: Final = math.radians(7.5)
+_REFINEMENTS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +40,7 @@ class Bearing:
     """One direction to a target: from `p_local_enu_m` along azimuth and polar angle, at `t_mono_ns`.
 
     `target_p_enu_m` is where the target then was by its own poses: in North-aligned axes about an origin of its own,
-    which lasts as long as its boot `target_boot`.
+    which lasts as long as its boot `target_boot`. `reliability` is in 0..1.
     """
 
     t_mono_ns: int
@@ -35,28 +52,23 @@ class Bearing:
     """Infinite where the aperture did not tell the polar angle: then the bearing is a half plane."""
     target_p_enu_m: Vector3
     target_boot: int
-
-    def axes(self) -> _Array:
-        """Unit vectors (3, 3), one a row: to the target, with rising azimuth, with rising polar angle."""
-        sin_a, cos_a = math.sin(self.azimuth_rad), math.cos(self.azimuth_rad)
-        sin_p, cos_p = math.sin(self.polar_rad), math.cos(self.polar_rad)
-        return np.array(
-            [[sin_p * cos_a, sin_p * sin_a, cos_p], [-sin_a, cos_a, 0.0], [cos_p * cos_a, cos_p * sin_a, -sin_p]]
-        )
+    reliability: float
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the target is thought to be. `range_m` is from the newest bearing's place; its deviation is infinite while
-    the bearings do not cross."""
+    """Where the target is thought to be: azimuth from the newest bearing's place, and the range, whose deviation is of
+    the whole posterior: it is large while the bearings do not cross, or do not agree. Both are infinite for one."""
 
     t_mono_ns: int
     azimuth_rad: float
     origin_local_enu_m: Vector3 | None
-    """Origin of the target's own poses in the autopilot's local frame; None while the bearings do not cross."""
+    """Origin of the target's own poses in the autopilot's local frame; None before there are two bearings."""
     boot: int
     range_m: float
     range_std_m: float
+    agreement: float = 0.0
+    """Share of the bearings kept that point there, in 0..1: where it is low, no place explains what was measured."""
 
     def range_from(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3) -> float:
         """Range [m] from a place to the target where its own poses say it is now; infinite where unknown."""
@@ -67,7 +79,7 @@ class Target:
 
 
 class TargetTracker:
-    """Keeps the newest bearings to one target and triangulates.
+    """Keeps the newest bearings to one target and locates it.
 
     The target may drive: it shares its own poses, so what is unknown, and the same for all bearings, is the origin of
     its frame in ours. Taken for standing, a target that drives across the line of sight would seem nearer than it is.
@@ -84,49 +96,128 @@ class TargetTracker:
         return self.target()
 
     def target(self) -> Target:
-        """The newest bearing with the range at which it crosses the older ones. Raises IndexError without bearings."""
+        """What all bearings together say. Raises IndexError without bearings. Takes some milliseconds."""
         newest = self._bearings[-1]
-        solution = _triangulate(list(self._bearings)) if len(self._bearings) > 1 else None
-        if solution is None:
+        if len(self._bearings) == 1:
             return Target(newest.t_mono_ns, newest.azimuth_rad, None, newest.target_boot, math.inf, math.inf)
-        origin, covariance = solution
-        offset = origin - _place(newest)
-        range_m = float(np.linalg.norm(offset))
-        along = offset / max(range_m, 1e-9)
-        x, y, z = origin.tolist()
-        std_m = math.sqrt(max(0.0, float(along @ covariance @ along)))
-        return Target(newest.t_mono_ns, newest.azimuth_rad, (x, y, z), newest.target_boot, range_m, std_m)
+        weight = _posterior(list(self._bearings))
+        mode = _UNITS @ _UNITS[int(np.argmax(weight.sum(axis=1)))] > math.cos(_ONE_MODE_RAD)
+        in_mode = weight * mode[:, None]
+        # The median, since the far end of a range that is hardly known weighs most in a mean.
+        share = np.cumsum(in_mode.sum(axis=0)) / in_mode.sum()
+        range_m = float(np.exp(np.interp(0.5, share, np.log(_RANGES_M))))
+        towards = in_mode.sum(axis=1) @ _UNITS
+        offset = _refined(list(self._bearings), range_m * towards / np.linalg.norm(towards))
+        # Rivals in other directions count: while they live the range is not known.
+        std_m = math.sqrt(float(weight.sum(axis=0) @ (_RANGES_M - range_m) ** 2))
+        x, y, z = (_place(newest) + offset).tolist()
+        azimuth_rad = math.atan2(offset[1], offset[0])
+        agreement = float(np.mean(_goodness(list(self._bearings), offset)))
+        return Target(newest.t_mono_ns, azimuth_rad, (x, y, z), newest.target_boot, range_m, std_m, agreement)
 
 
-def _place(bearing: Bearing) -> _Array:
+def _place(bearing: Bearing) -> _Floats:
     """Where a bearing was taken (3,), relative to the target's motion: from here it points to the common origin."""
     return np.asarray(np.subtract(bearing.p_local_enu_m, bearing.target_p_enu_m))
 
 
-def _triangulate(
-    bearings: list[Bearing],
-) -> tuple[_Array, _Array] | None:
-    """Least squares of the distances from the lines, each weighted by what its angle is worth at that range: the
-    target's origin (3,) and covariance (3, 3), or None when the lines are parallel or cross behind the newest."""
+def _grid() -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Unit vectors (D, 3) of equal steps, ranges (R,) in equal ratios, and the prior weights of both."""
+    polar = np.arange(_STEP_RAD * 2.5, math.pi - _STEP_RAD * 2, _STEP_RAD)
+    azimuth = np.arange(-math.pi, math.pi - 1e-9, _STEP_RAD)
+    p, a = (grid.ravel() for grid in np.meshgrid(polar, azimuth, indexing="ij"))
+    units = np.stack([np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)], axis=1)
+    ranges_m = np.geomspace(_NEAREST_M, _REACH_M, 20)
+    # Along a line of sight every metre is as likely, and the steps grow with the range.
+    return tuple(values.astype(np.float32) for values in (units, ranges_m, np.sin(p), ranges_m))  # type: ignore[return-value]
+
+
+_UNITS, _RANGES_M, _UNIT_PRIOR, _RANGE_PRIOR = _grid()
+_OFFSETS = _UNITS[:, None, :] * _RANGES_M[:, None]
+
+
+def _posterior(bearings: list[Bearing]) -> _Floats:
+    """Probability (D, R) of each direction and range from the newest bearing's place; they sum to 1."""
     newest = bearings[-1]
-    position: _Array = _place(newest) + 5.0 * newest.axes()[0]
-    covariance: _Array = np.zeros((3, 3))
-    for _ in range(_ITERATIONS):
-        information: _Array = np.zeros((3, 3))
-        moment: _Array = np.zeros(3)
+    log_weight = np.log(_UNIT_PRIOR)[:, None] + np.log(_RANGE_PRIOR)
+    for bearing in bearings:
+        moved = (_place(newest) - _place(bearing)).astype(np.float32)
+        log_weight = log_weight + np.log(_Misfit.of(bearing, _OFFSETS + moved, newest).density(bearing))
+    weight = np.exp(log_weight - log_weight.max())
+    return np.asarray(weight / weight.sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Misfit:
+    """By how much a bearing misses targets (...,): angles across and down, their variances, and the ranges."""
+
+    across_rad: _Floats
+    down_rad: _Floats
+    across_var: _Floats
+    down_var: _Floats
+    range_m: _Floats
+
+    @staticmethod
+    def of(bearing: Bearing, offsets: _Floats, newest: Bearing) -> _Misfit:
+        """For targets at `offsets` (..., 3) from the bearing's place."""
+        flat = np.hypot(offsets[..., 0], offsets[..., 1])
+        range_m = np.maximum(np.hypot(flat, offsets[..., 2]), np.float32(_NEAREST_M))
+        azimuth = bearing.azimuth_rad - np.arctan2(offsets[..., 1], offsets[..., 0])
+        azimuth -= math.tau * np.round(azimuth / math.tau)
+        down = bearing.polar_rad - np.arctan2(flat, offsets[..., 2])
+        drift_rad = _DRIFT_M_S * (newest.t_mono_ns - bearing.t_mono_ns) / 1e9 / range_m
+        least = _FLOOR_RAD**2 + drift_rad**2
+        # At the pole an azimuth means nothing: what it says across shrinks with the sine.
+        sine = flat / range_m
+        return _Misfit(
+            sine * azimuth,
+            down,
+            (sine * bearing.azimuth_std_rad) ** 2 + least,
+            bearing.polar_std_rad**2 + least,
+            range_m,
+        )
+
+    def density(self, bearing: Bearing) -> _Floats:
+        """Of the bearing, per steradian: a mixture of a good one and of one that says nothing."""
+        trusted = _MOST_TRUSTED * bearing.reliability
+        return trusted * self._good() + (1.0 - trusted) / (4.0 * math.pi)
+
+    def goodness(self, bearing: Bearing) -> float:
+        """Probability that the bearing is a good one, for one target."""
+        good = _MOST_TRUSTED * bearing.reliability * self._good()
+        return float(good / self.density(bearing))
+
+    def _good(self) -> _Floats:
+        across = np.exp(-0.5 * self.across_rad**2 / self.across_var) / np.sqrt(math.tau * self.across_var)
+        if np.isinf(self.down_var).any():
+            return np.asarray(across / math.pi)
+        down = np.exp(-0.5 * self.down_rad**2 / self.down_var) / np.sqrt(math.tau * self.down_var)
+        return np.asarray(across * down)
+
+
+def _goodness(bearings: list[Bearing], offset: _Floats) -> list[float]:
+    """Of each bearing: the probability that it is of a target at `offset` (3,) from the newest's place."""
+    here = offset + _place(bearings[-1])
+    return [_Misfit.of(b, here - _place(b), bearings[-1]).goodness(b) for b in bearings]
+
+
+def _refined(bearings: list[Bearing], offset: _Floats) -> _Floats:
+    """The offset (3,) from the newest place turned, at its range, to where the bearings that agree with it point."""
+    newest = bearings[-1]
+    offset = offset.astype(np.float64)
+    for _ in range(_REFINEMENTS):
+        range_m, flat_m = float(np.linalg.norm(offset)), max(math.hypot(offset[0], offset[1]), 1e-6)
+        left = np.array([-offset[1], offset[0], 0.0]) / flat_m
+        down = np.array([offset[0] * offset[2] / flat_m, offset[1] * offset[2] / flat_m, -flat_m]) / range_m
+        turn, weight = np.zeros(2), np.full(2, 1e-12)
         for bearing in bearings:
-            place = _place(bearing)
-            age_s = (newest.t_mono_ns - bearing.t_mono_ns) / 1e9
-            range_m = max(0.5, float(np.linalg.norm(position - place)))
-            sideways = bearing.axes()[1:]
-            std_rad = (math.sin(bearing.polar_rad) * bearing.azimuth_std_rad, bearing.polar_std_rad)
-            std_m = [math.hypot(range_m * math.hypot(std, _FLOOR_RAD), _DRIFT_M_S * age_s) for std in std_rad]
-            across = sideways.T @ np.diag(np.power(std_m, -2.0)) @ sideways
-            information += across
-            moment += across @ place
-        if np.linalg.cond(information) > 1e8:
-            return None
-        covariance = np.asarray(np.linalg.inv(information))
-        position = np.asarray(covariance @ moment)
-    ahead = float((position - _place(newest)) @ newest.axes()[0])
-    return (position, covariance) if ahead > 0 else None
+            misfit = _Misfit.of(bearing, offset + _place(newest) - _place(bearing), newest)
+            # A turn seen from here is less of a turn seen from farther away.
+            lever = range_m / float(misfit.range_m)
+            each = lever * misfit.goodness(bearing) / np.array([misfit.across_var, misfit.down_var])
+            turn += each * np.array([misfit.across_rad, misfit.down_rad])
+            weight += each * lever
+        step = turn / weight
+        offset = offset + range_m * (step[0] * left + step[1] * down)
+        offset *= range_m / np.linalg.norm(offset)
+    return offset

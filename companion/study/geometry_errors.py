@@ -63,7 +63,9 @@ def _trial(case: GeometryTrial, seed: SeedSequence) -> GeometryRow:
     points_m = _path(case.geometry, rng)
     beacon_m = points_m[0] + _DISTANCE_M * direction(rng.uniform(-math.pi, math.pi), _POLAR_RAD)
     uav = trajectory(points_m, _SPEED_M_S)
-    heard = hear(scenario(seed, room(rng, _RADIO)), uav, standing(beacon_m, uav.t_s[0], uav.t_s[-1]))
+    heard = hear(
+        scenario(seed, room(rng, [points_m[0], beacon_m], _RADIO)), uav, standing(beacon_m, uav.t_s[0], uav.t_s[-1])
+    )
     aperture = heard.aperture(uav.at(heard.t_s)[0])
     found = Bartlett().estimate(aperture)[0]
     true_azimuth, true_polar = (float(a) for a in angles(beacon_m - np.array(found.reference_p_m)))

@@ -19,6 +19,7 @@ from companion.sim.trajectory import Trajectory
 from csi_bridge.records import CsiRecord
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import centre_channel, pair_by_counter, wavelength_m
+from wsr.geometry import direction
 
 Array = npt.NDArray[np.float64]
 
@@ -57,20 +58,25 @@ class Heard:
         )
 
 
-def room(rng: np.random.Generator, radio: RadioScenario | None = None, occluded: bool = False) -> RadioScenario:
-    """A hall with a floor and two walls 6 to 12 m off, of random gain 0.1 to 0.3 and phase.
+def room(
+    rng: np.random.Generator, ends_m: npt.ArrayLike, radio: RadioScenario | None = None, occluded: bool = False
+) -> RadioScenario:
+    """A hall around both robots, whose places are `ends_m` (N, 3): a floor, and two walls at right angles 6 to 12 m
+    beyond the robot that is nearest to each, of random gain 0.1 to 0.3 and phase. (A wall between the two would mirror
+    one of them to the near side, with a shorter way than the direct one.)
 
     Occluded: something takes 10 dB off the direct path, the walls reflect as before.
     """
     azimuth = rng.uniform(-math.pi, math.pi)
+    normals = [direction(azimuth + turn, math.pi / 2) for turn in (0.0, math.pi / 2)]
     walls = [
         Reflector(
-            (math.cos(azimuth + turn), math.sin(azimuth + turn), 0.0),
-            rng.uniform(6.0, 12.0),
+            (float(normal[0]), float(normal[1]), 0.0),
+            float(np.max(np.asarray(ends_m) @ normal)) + rng.uniform(6.0, 12.0),
             rng.uniform(0.1, 0.3),
             rng.uniform(-math.pi, math.pi),
         )
-        for turn in (0.0, math.pi / 2)
+        for normal in normals
     ]
     floor = Reflector((0.0, 0.0, 1.0), 0.0, rng.uniform(0.1, 0.3), rng.uniform(-math.pi, math.pi))
     base = RadioScenario() if radio is None else radio

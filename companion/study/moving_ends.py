@@ -74,7 +74,9 @@ def _trial(case: MovingCase, seed: SeedSequence) -> MovingRow:
     own = _own_path(case.scenario, rng)
     start_m = own.p_enu_m.mean(axis=0) + _DISTANCE_M * direction(rng.uniform(-math.pi, math.pi), math.radians(91.0))
     other = _drive(start_m, rng, own.t_s[-1] + _BEFORE_S)
-    world = scenario(seed, room(rng, RadioScenario(exchange_rate_hz=_RATE_HZ[case.scenario])))
+    world = scenario(
+        seed, room(rng, [own.p_enu_m[0], start_m], RadioScenario(exchange_rate_hz=_RATE_HZ[case.scenario]))
+    )
     heard = hear(world, own, other)
     still = standing(start_m, own.t_s[0], own.t_s[-1])
     errors = _errors(_STANDING, hear(world, own, still), own, still, None)

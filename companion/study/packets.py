@@ -77,7 +77,7 @@ def _trial(case: PacketsCase, seed: SeedSequence) -> PacketsRow:
     leg = plan_leg((0.0, 0.0, 1.5), bearing + rng.normal(0.0, 0.3), 1.5, int(rng.choice([-1, 1])), _SHAPE)
     uav = Trajectory(1.0 + leg.t_s, leg.p_local_enu_m, np.zeros(leg.t_s.size))
     beacon_m = np.array([0.0, 0.0, 0.5]) + _DISTANCE_M * direction(bearing, math.pi / 2)
-    world = scenario(seed, room(rng, _RADIO))
+    world = scenario(seed, room(rng, [leg.p_local_enu_m[0], beacon_m], _RADIO))
     heard = hear(world, uav, standing(beacon_m, uav.t_s[0], uav.t_s[-1]))
     p_m = uav.at(heard.t_s)[0]
     count = heard.t_s.size

@@ -22,12 +22,13 @@ from companion.study.figures import draw_cdf
 from companion.study.link import room, scenario
 from companion.study.study import Finding, Settings, Study, Summary
 from companion.study.virtual_mission import MissionPoint, fly
-from wsr.geometry import angles
+from wsr.geometry import angles, direction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MAX_TIME_S = 240.0
+_DISTANCE_M = 15.0
 _VIO_RATE_HZ = 100.0  # half a T265's: enough for apertures at 0.5 m/s, and half the work
 _OUTLIERS = 2
 _PAPER_MEAN_DEG = 10.17
@@ -79,8 +80,12 @@ def _plan(settings: Settings) -> list[MissionCase]:
 
 def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     rng = np.random.default_rng(seed)
+    azimuth = float(rng.uniform(-math.pi, math.pi))
+    ends_m = [np.zeros(3), _DISTANCE_M * direction(azimuth, math.pi / 2)]
     world = replace(
-        scenario(seed, room(rng, occluded=case.occluded)),
+        scenario(seed, room(rng, ends_m, occluded=case.occluded)),
+        start_distance_m=_DISTANCE_M,
+        beacon_azimuth_rad=azimuth,
         vio=VioScenario(rate_hz=_VIO_RATE_HZ),
         drive_speed_m_s=0.1 if case.moving else 0.0,
     )

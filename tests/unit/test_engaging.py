@@ -168,7 +168,7 @@ def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
 def _bearing(from_m: Vector3, target_m: Vector3) -> Bearing:
     dx, dy, dz = (t - f for t, f in zip(target_m, from_m, strict=True))
     polar = math.acos(dz / math.hypot(dx, dy, dz))
-    return Bearing(1, from_m, math.atan2(dy, dx), polar, math.radians(1), math.radians(2), (0.0, 0.0, 0.0), 9)
+    return Bearing(1, from_m, math.atan2(dy, dx), polar, math.radians(1), math.radians(2), (0.0, 0.0, 0.0), 9, 0.9)
 
 
 class _Neighbour(Neighbour):
