@@ -188,9 +188,9 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
     for turn in range(8):  # around it
         targets.add(2, _bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)))
     (place,) = targets.places()
-    assert place == pytest.approx((4.0, 0.0, 0.5), abs=0.2)
+    assert place == pytest.approx((4.0, 0.0, 0.5), abs=0.35)
     beacon.moved_m = (1.0, 0.0, 0.0)
-    assert targets.places()[0] == pytest.approx((5.0, 0.0, 0.5), abs=0.2)
+    assert targets.places()[0] == pytest.approx((5.0, 0.0, 0.5), abs=0.35)
     assert targets.is_near((4.9, 0.0, 0.6), 2.0) and not targets.is_near((0.0, 0.0, 1.5), 2.0)
     assert targets.is_nearest((0.0, 0.0, 0.0))
     beacon.boot = 10  # it was started again: its frame is another one
