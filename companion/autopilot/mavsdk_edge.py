@@ -27,7 +27,7 @@ from wsr.frames import ned_from_enu, yaw_ned_from_enu
 
 _LOG = logging.getLogger(__name__)
 
-_CONFIRM_TIMEOUT_S = 3.0
+_CONFIRM_TIMEOUT_S = 2.9  # so that all of it, from the request to the abort, takes 3 s at most
 _REPEAT_S = 0.5
 _POLL_S = 0.01
 _STALLED_S = 0.5

@@ -54,7 +54,11 @@ class Flying:
 
     async def px4(self, order: str = "report") -> Px4Report:
         """Gives the mock an order and takes its state after it."""
-        self._reports.sendto(order.encode(), str(self.stage.directory / "px4.sock"))
+        address = self.stage.directory / "px4.sock"
+        async with asyncio.timeout(20.0):
+            while not address.exists():  # noqa: ASYNC110 - it is still starting
+                await asyncio.sleep(0.02)
+        self._reports.sendto(order.encode(), str(address))
         datagram = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(self._reports, 65536), 5.0)
         report = px4_report.decode(datagram)
         assert report.error is None, report.error

@@ -83,7 +83,7 @@ async def test_fault_10_a_refused_or_ignored_offboard_is_given_up(flying: Flying
     took_s = await _seconds_until_latched(flying, since_s, 8.0) - 1.0  # the stream runs for 1 s before it is asked for
     status = await flying.status()
     record(10, given_up_after_s=round(took_s, 2))
-    assert took_s < 3.3
+    assert took_s < 3.2  # 3 s, and how often this test looks
     assert "offboard_refused: mode offboard: not confirmed by telemetry" in status["reason"]
     assert (await flying.px4("offboard accept")).mode == "HOLD"
 
