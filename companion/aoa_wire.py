@@ -46,6 +46,8 @@ class AoaResult:
     estimate: AoaEstimate | None = None
     profile: bytes = b""
     refusal: str = ""
+    failed: bool = False
+    """The worker was lost or behind: the refusal is no judgement of the aperture."""
 
 
 def request_of(request_id: int, peer: int, aperture: Aperture) -> AoaRequest:

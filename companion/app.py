@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.metadata
 import logging
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
@@ -13,19 +13,27 @@ from typing import Any
 from companion.aoa_process import AoaProcess
 from companion.aoa_wire import AoaResult
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.autopilot.observed import ObservedAutopilot
+from companion.autopilot.port import Autopilot
 from companion.beacon import Beacon
-from companion.clock import Clock, MonotonicClock
+from companion.clock import MonotonicClock
 from companion.config import Config
 from companion.control import ControlServer
 from companion.errors import CompanionError
+from companion.event_clock import EventClock
+from companion.events import Answer, WorkerState
 from companion.flight import Flight
+from companion.inputs import Inputs, LiveInputs
+from companion.log.foxglove import LogLine
 from companion.messages import Pose
 from companion.mission import Event
 from companion.node import Node
 from companion.notify import notify
 from companion.radio import ChannelSample
-from companion.recorder import Recorder
-from companion.sar import Iteration, SarIterations
+from companion.recorder import McapRecorder, Recorder
+from companion.sar import ApertureRecord, Iteration, SarIterations, Worker
+from companion.streams import ANSWER, LOG, WORKER
+from companion.vehicle_commands import Commands, CommandTask
 from companion.window import SarWindow
 from wsr.channel import wavelength_m
 
@@ -40,31 +48,81 @@ class _Stopped(Exception):
 
 async def serve(config: Config) -> None:
     """Runs until SIGTERM or SIGINT. Raises CompanionError when a part cannot start or dies."""
-    recorder = Recorder(
-        config.path(config.recorder.path),
-        config,
-        importlib.metadata.version("wsr-companion"),
-        config.recorder.queue_messages,
-    )
+    clock = EventClock(MonotonicClock())
+    recorder = McapRecorder(config.path(config.recorder.path), config, clock)
     service = _serve_uav if config.role == "uav" else _serve_beacon
+    lines = _record_lines(recorder)
     try:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(_until_signal(), name="signals")
-            tasks.create_task(service(config, MonotonicClock(), recorder), name=config.role)
+            tasks.create_task(service(config, clock, recorder), name=config.role)
     except* _Stopped:
         _log.info("stopped on request")
     except* CompanionError as group:
         raise _first(group) from None
     finally:
         notify("STOPPING=1")
+        logging.getLogger().removeHandler(lines)
         await asyncio.to_thread(recorder.close)
 
 
-async def _serve_beacon(config: Config, clock: Clock, recorder: Recorder) -> None:
+class Uav:
+    """The parts of role uav, wired. What they stand on is given: live, or a log."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: EventClock,
+        recorder: Recorder,
+        inputs: Inputs,
+        autopilot: Autopilot,
+        commands: Commands,
+        make_worker: Callable[[Callable[[AoaResult], None], Callable[[bool], None]], Worker],
+    ) -> None:
+        aperture = config.aperture
+        self._clock = clock
+        self._recorder = recorder
+        self._window = SarWindow(
+            config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
+        )
+        self.node = Node(config, clock, recorder, inputs, self._take_sample, self._window.add_pose)
+        worker = make_worker(self.take_answer, self.take_worker_state)
+        self.sar = SarIterations(
+            self._window, worker, self.node.receiver.neighbours, aperture, clock, self._take_aperture, self._take
+        )
+        self.flight = Flight(
+            config, clock, self.node, ObservedAutopilot(autopilot, clock, recorder), commands, self.sar, recorder
+        )
+
+    def take_answer(self, result: AoaResult) -> None:
+        """The worker has answered."""
+        with self._clock.event() as now_ns:
+            failure = result.refusal if result.failed else ""
+            self._recorder.record(ANSWER, now_ns, Answer(now_ns, result.id, result.peer, result.compute_s, failure))
+            self.sar.take(result)
+
+    def take_worker_state(self, is_ready: bool) -> None:
+        """A worker has begun or ceased to wait for apertures."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(WORKER, now_ns, WorkerState(now_ns, is_ready))
+            self.sar.is_ready = is_ready
+
+    def _take_sample(self, sample: ChannelSample) -> None:
+        self._window.add_sample(sample)
+        self.flight.heard(sample.peer, sample.t_mono_ns)
+
+    def _take_aperture(self, aperture: ApertureRecord) -> None:
+        self.flight.take_aperture(aperture)
+
+    def _take(self, iteration: Iteration, profile: bytes) -> None:
+        self.flight.take(iteration, profile)
+
+
+async def _serve_beacon(config: Config, clock: EventClock, recorder: Recorder) -> None:
     def on_sample(sample: ChannelSample) -> None:
         beacon.add_sample(sample)
 
-    node = Node(config, clock, recorder, on_sample, _ignore)
+    node = Node(config, clock, recorder, LiveInputs(config), on_sample, _ignore)
     beacon = Beacon(node.sender)
 
     async def answer(command: str) -> dict[str, Any]:
@@ -79,32 +137,24 @@ async def _serve_beacon(config: Config, clock: Clock, recorder: Recorder) -> Non
         notify("READY=1")
 
 
-async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
+async def _serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> None:
     assert config.autopilot is not None
-    aperture = config.aperture
-    window = SarWindow(
-        config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
-    )
+    process: AoaProcess
 
-    def on_sample(sample: ChannelSample) -> None:
-        window.add_sample(sample)
-        flight.heard(sample.peer, sample.t_mono_ns)
+    def make_worker(on_result: Callable[[AoaResult], None], on_ready: Callable[[bool], None]) -> Worker:
+        nonlocal process
+        aperture = config.aperture
+        process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result, on_ready=on_ready)
+        return process
 
-    def on_result(result: AoaResult) -> None:
-        sar.take(result)
-
-    def on_iteration(iteration: Iteration, profile: bytes) -> None:
-        flight.take(iteration, profile)
-
-    node = Node(config, clock, recorder, on_sample, window.add_pose)
-    process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
-    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration)
-    autopilot = MavsdkAutopilot(config.autopilot.url, clock)
-    flight = Flight(config, clock, node, autopilot, sar, recorder)
+    # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
+    autopilot = MavsdkAutopilot(config.autopilot.url, MonotonicClock())
+    uav = Uav(config, clock, recorder, LiveInputs(config), autopilot, CommandTask(), make_worker)
+    flight = uav.flight
 
     async def answer(command: str) -> dict[str, Any]:
         if command == "status":
-            return {"ok": True, **flight.status(), "health": _plain(node)}
+            return {"ok": True, **flight.status(), "health": _plain(uav.node)}
         if command in ("engage", "abort"):
             refusal = flight.wish(Event(command))
             return {"ok": not refusal, "error": refusal}
@@ -112,7 +162,7 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
 
     try:
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(node.run(), name="node")
+            tasks.create_task(uav.node.run(), name="node")
             tasks.create_task(process.run(), name="aoa")
             tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
             await autopilot.connect(_CONNECT_S)
@@ -121,6 +171,24 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
             notify("READY=1")
     finally:
         await autopilot.aclose()
+
+
+class _RecordingHandler(logging.Handler):
+    """The program's own log into the flight's."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        super().__init__(logging.INFO)
+        self._recorder = recorder
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = LogLine(record.levelno, record.name, record.getMessage())
+        self._recorder.record(LOG, time.monotonic_ns(), line)
+
+
+def _record_lines(recorder: Recorder) -> logging.Handler:
+    handler = _RecordingHandler(recorder)
+    logging.getLogger().addHandler(handler)
+    return handler
 
 
 async def _until_signal() -> None:

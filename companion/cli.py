@@ -18,6 +18,9 @@ _COMMANDS: Final = {
     "demo": "a full simulated rendezvous",
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
+    "log": "flight logs: info, repair, export, merge, import",
+    "replay": "a recorded flight decided again by the same code",
+    "report": "a flight log as one page",
 }
 _MODULES: Final = {"engage": "control", "abort": "control", "status": "control"}
 

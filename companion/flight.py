@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import math
 from collections.abc import Coroutine
@@ -12,17 +13,20 @@ from typing import Any
 from companion import mission
 from companion.approach import Approach
 from companion.autopilot.port import Autopilot, AutopilotError, GaveWayError
-from companion.clock import NS_PER_S, Clock, Ticker
+from companion.clock import NS_PER_S, Ticker
 from companion.conditions import ConditionLimits, Situation, conditions
 from companion.config import Config
+from companion.event_clock import EventClock
+from companion.events import CommandOutcome, Tick, Wish
 from companion.gate import Gate, GateLimits
 from companion.messages import FlightMode, VehicleState
 from companion.mission import Action, Event, State
 from companion.node import Node
 from companion.recorder import Recorder
-from companion.sar import Iteration, SarIterations
-from companion.streams import BEARING, GATE, MISSION, PROFILE, SETPOINT, VEHICLE
-from companion.tracker import Target, TargetTracker
+from companion.sar import ApertureRecord, Iteration, SarIterations
+from companion.streams import APERTURE, BEARING, COMMAND, GATE, MISSION, PROFILE, SETPOINT, TARGET, TICK, WISH
+from companion.tracker import Bearing, Target, TargetReport, TargetTracker
+from companion.vehicle_commands import Commands
 
 _log = logging.getLogger(__name__)
 _RATE_HZ = 20.0
@@ -57,7 +61,14 @@ class Flight:
     """Owns the mission state and the one set point stream."""
 
     def __init__(
-        self, config: Config, clock: Clock, node: Node, autopilot: Autopilot, sar: SarIterations, recorder: Recorder
+        self,
+        config: Config,
+        clock: EventClock,
+        node: Node,
+        autopilot: Autopilot,
+        commands: Commands,
+        sar: SarIterations,
+        recorder: Recorder,
     ) -> None:
         self._config = config
         self._clock = clock
@@ -80,8 +91,7 @@ class Flight:
         self._state_ns = clock.now_ns()
         self._reason = ""
         self._pending: list[Event] = []
-        self._commands = asyncio.TaskGroup()
-        self._command: asyncio.Task[None] | None = None
+        self._commands = commands
         self._streaming = False
         self._took_off = False
         self._refusals: tuple[str, ...] = ()
@@ -97,10 +107,10 @@ class Flight:
 
     async def run(self) -> None:
         """Ticks until cancelled. However it ends, the vehicle is left in Hold if the stream was flying it."""
-        async with asyncio.TaskGroup() as self._commands:
+        async with self._commands:
             try:
                 async for now_ns in self._ticker.ticks():
-                    self._tick(now_ns)
+                    self.tick(now_ns)
             finally:
                 if self._streaming:
                     self._streaming = False
@@ -112,12 +122,18 @@ class Flight:
 
     def wish(self, event: Event) -> str:
         """A person's `engage` or `abort`. Returns why it is refused, or nothing; it takes effect at the next tick."""
+        with self._clock.event() as now_ns:
+            refusal = self._refusal(event)
+            self._recorder.record(WISH, now_ns, Wish(now_ns, event, refusal))
+            if not refusal:
+                self._pending.append(event)
+            return refusal
+
+    def _refusal(self, event: Event) -> str:
         if event is Event.ENGAGE:
             if self.state not in (State.IDLE, State.LATCHED):
                 return f"the mission is {self.state} already"
-            if missing := self.not_ready():
-                return "; ".join(missing)
-        self._pending.append(event)
+            return "; ".join(self.not_ready())
         return ""
 
     def not_ready(self) -> list[str]:
@@ -166,6 +182,10 @@ class Flight:
             self._packet_ns = t_mono_ns
             self._packets += 1
 
+    def take_aperture(self, aperture: ApertureRecord) -> None:
+        """An aperture goes to the worker."""
+        self._recorder.record(APERTURE, aperture.end_ns, aperture)
+
     def take(self, iteration: Iteration, profile: bytes) -> None:
         """A SAR iteration has ended."""
         self._recorder.record(BEARING, iteration.reference_ns, iteration)
@@ -182,13 +202,19 @@ class Flight:
         bearing = iteration.bearing()
         if bearing is not None and iteration.estimate.reliability >= self._config.aperture.min_reliability:
             self._target = self._tracker.add(bearing)
+            self._recorder.record(TARGET, bearing.t_mono_ns, _target_report(iteration, bearing, self._target))
             self._blind_legs = self._tries = 0
             self._pending.append(Event.BEARING)
 
-    def _tick(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
+        """One turn of the control loop."""
+        with self._clock.event(now_ns):
+            self._recorder.record(TICK, now_ns, Tick(now_ns))
+            self._turn(now_ns)
+
+    def _turn(self, now_ns: int) -> None:
         self._tick_ns = now_ns
         vehicle = self._autopilot.state()
-        self._recorder.record(VEHICLE, now_ns, vehicle)
         if vehicle.p_local_enu_m is not None and vehicle.position_mono_ns is not None:
             self._sar.add_local_position(vehicle.position_mono_ns, vehicle.p_local_enu_m)
         self._took_off |= self.state is State.TAKING_OFF and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
@@ -241,7 +267,7 @@ class Flight:
                 self._tries += 1
             if self.state in _AT_REST:
                 self._pending.clear()  # what was reported of the flight that has ended
-                self._cancel_command()
+                self._commands.cancel()
         if event is Event.BEARING_BACK:
             self._blind_legs = self._config.aperture.blind_legs - 1  # one more leg may be flown to measure anew
         self._recorder.record(MISSION, now_ns, MissionStep(now_ns, before, event, self.state, actions, self._reason))
@@ -268,7 +294,7 @@ class Flight:
             case Action.STREAM_STOP:
                 self._streaming = False
                 self._sar.start_ns = None
-                self._cancel_command()
+                self._commands.cancel()
             case Action.LEAVE_TO_HOLD:
                 self._start(self._hold_or_land(), None, None)
             case Action.LAND:
@@ -314,25 +340,17 @@ class Flight:
 
     def _start(self, command: Coroutine[Any, Any, None], done: Event | None, failed: Event | None) -> None:
         """Runs one command to the autopilot beside the loop; a newer command replaces an older one."""
-        self._cancel_command()
-        self._command = self._commands.create_task(self._report(command, done, failed), name="command")
+        self._commands.start(command, functools.partial(self._take_outcome, done, failed))
 
-    async def _report(self, command: Coroutine[Any, Any, None], done: Event | None, failed: Event | None) -> None:
-        try:
-            await command
-        except AutopilotError as error:
-            _log.error("%s", error)
-            self._reason = str(error)
-            if failed is not None:
-                self._pending.append(failed)
-            return
-        if done is not None:
-            self._pending.append(done)
-
-    def _cancel_command(self) -> None:
-        if self._command is not None:
-            self._command.cancel()
-            self._command = None
+    def _take_outcome(self, done: Event | None, failed: Event | None, error: AutopilotError | None) -> None:
+        event = done if error is None else failed
+        with self._clock.event() as now_ns:
+            self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, "" if error is None else str(error)))
+            if error is not None:
+                _log.error("%s", error)
+                self._reason = str(error)
+            if event is not None:
+                self._pending.append(event)
 
     async def _hold_or_land(self) -> None:
         try:
@@ -344,7 +362,7 @@ class Flight:
             await self._autopilot.land()
 
     async def _leave_at_end(self) -> None:
-        self._cancel_command()
+        self._commands.cancel()
         try:
             async with asyncio.timeout(_LEAVE_S):
                 await self._hold_or_land()
@@ -359,3 +377,11 @@ class Flight:
 
 
 _FAILURES = frozenset({Event.PREFLIGHT_FAILED, Event.TAKEOFF_FAILED, Event.OFFBOARD_REFUSED})
+
+
+def _target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
+    place = None
+    if target.origin_local_enu_m is not None:
+        x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
+        place = (x, y, z)
+    return TargetReport(bearing.t_mono_ns, iteration.number, target, place)

@@ -5,25 +5,22 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from companion import wire
-from companion.clock import NS_PER_S, Clock
-from companion.config import Config, CsiConfig
-from companion.errors import CompanionError
-from companion.messages import Pose
-from companion.neighbours import NeighbourReceiver, NeighbourSender, open_link, read_key
-from companion.pose.source import PoseSource
+from companion.clock import NS_PER_S
+from companion.config import Config
+from companion.event_clock import EventClock
+from companion.inputs import Inputs
+from companion.messages import Pose, pose_bytes
+from companion.neighbours import NeighbourReceiver, NeighbourSender
 from companion.radio import ChannelSample, Radio
 from companion.recorder import Recorder
-from companion.streams import CSI, HEALTH, NEIGHBOUR, POSE
-from csi_bridge.netlink import NetlinkError, NetlinkSource
-from csi_bridge.source import CsiSource
-from csi_bridge.unix_socket import UnixSocketError, UnixSource
+from companion.streams import CSI, HEALTH, NEIGHBOUR, POSE, POSE_USED
 from wsr.displacement import antenna_positions
 
-_POSES_RECORDED_HZ = 50.0
+_POSES_SHOWN_HZ = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +38,17 @@ class Health:
 
 
 class Node:
-    """Opens the inputs of `config` and fans them out. `on_sample` and `on_pose` are called on the event loop."""
+    """Opens `inputs` and fans them out. `on_sample` and `on_pose` are called on the event loop.
+
+    Each of `take_csi`, `take_pose` and `take_datagram` handles one event: a replay calls them as the loop does.
+    """
 
     def __init__(
         self,
         config: Config,
-        clock: Clock,
+        clock: EventClock,
         recorder: Recorder,
+        inputs: Inputs,
         on_sample: Callable[[ChannelSample], None],
         on_pose: Callable[[Pose], None],
     ) -> None:
@@ -55,25 +56,24 @@ class Node:
         self.clock = clock
         self.recorder = recorder
         self._on_pose = on_pose
-        keys = {peer.id: read_key(config.path(peer.key_file)) for peer in config.peers}
+        keys = {peer.id: inputs.key(peer.key_file) for peer in config.peers}
         names = {peer.id: peer.name for peer in config.peers}
         self.receiver = NeighbourReceiver(config.id, names, keys, clock)
         role = wire.Role.UAV if config.role == "uav" else wire.Role.BEACON
-        own_key = read_key(config.path(config.neighbours.key_file))
+        own_key = inputs.key(config.neighbours.key_file)
         self.sender = NeighbourSender(role, config.id, own_key, config.neighbours.pose_rate_hz)
-        self._source = _open_csi(config.csi, config)
+        self._inputs = inputs
+        self._source = inputs.open_csi()
         self._radio = Radio(self._source, _macs(config), clock, on_sample, self._record_csi)
-        self._poses = PoseSource(
-            config.path(config.pose.socket), math.radians(config.pose.north_yaw_deg), self._take_pose
-        )
+        self._poses = inputs.open_poses(self.take_pose)
         self._pose_ns: int | None = None
-        self._pose_recorded_ns = 0
+        self._pose_shown_ns = 0
 
     async def run(self) -> None:
         """Reads until cancelled, then closes what it opened."""
         loop = asyncio.get_running_loop()
-        link = await open_link(self.config, self._take_datagram)
-        loop.add_reader(self._source.fileno(), self._radio.drain)
+        link = await self._inputs.open_link(self.take_datagram)
+        loop.add_reader(self._source.fileno(), self.take_csi)
         loop.add_reader(self._poses.fileno(), self._poses.drain)
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -85,6 +85,32 @@ class Node:
             link.close()
             self._source.close()
             self._poses.close()
+
+    def take_csi(self) -> None:
+        """The card has records."""
+        with self.clock.event():
+            self._radio.drain()
+
+    def take_pose(self, pose: Pose) -> None:
+        with self.clock.event():
+            self.recorder.record(POSE_USED, pose.t_mono_ns, pose_bytes(pose))
+            self._pose_ns = pose.t_mono_ns
+            if pose.t_mono_ns - self._pose_shown_ns >= NS_PER_S / _POSES_SHOWN_HZ:
+                self._pose_shown_ns = pose.t_mono_ns
+                self.recorder.record(POSE, pose.t_mono_ns, pose)
+            if self.sender.wants_pose(pose.t_mono_ns):
+                antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
+                self.sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
+            self._on_pose(pose)
+
+    def take_datagram(self, data: bytes) -> None:
+        """A datagram of some robot. What carries a good signature is recorded, taken or not; the rest is only counted:
+        anybody can send it, at any rate."""
+        with self.clock.event():
+            before = replace(self.receiver.counters)
+            self.receiver.take(data)
+            if self.receiver.counters == before:
+                self.recorder.record(NEIGHBOUR, self.clock.now_ns(), data)
 
     def pose_age_s(self) -> float:
         """Since the newest usable pose; infinite before the first."""
@@ -107,7 +133,7 @@ class Node:
                 }
                 for n in self.receiver.neighbours.values()
             },
-            {"written": self.recorder.written, "dropped": self.recorder.dropped},
+            self.recorder.counters(),
         )
 
     async def _broadcast(self, link: asyncio.DatagramTransport) -> None:
@@ -124,32 +150,9 @@ class Node:
             health = self.health()
             self.recorder.record(HEALTH, health.t_mono_ns, health)
 
-    def _take_pose(self, pose: Pose) -> None:
-        self._pose_ns = pose.t_mono_ns
-        if pose.t_mono_ns - self._pose_recorded_ns >= NS_PER_S / _POSES_RECORDED_HZ:
-            self._pose_recorded_ns = pose.t_mono_ns
-            self.recorder.record(POSE, pose.t_mono_ns, pose)
-        if self.sender.wants_pose(pose.t_mono_ns):
-            antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
-            self.sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
-        self._on_pose(pose)
-
-    def _take_datagram(self, data: bytes) -> None:
-        if self.receiver.take(data):
-            self.recorder.record(NEIGHBOUR, self.clock.now_ns(), data)
-
     def _record_csi(self, t_mono_ns: int, code: int, body: bytes) -> None:
         self.recorder.record(CSI, t_mono_ns, bytes([code]) + body)
 
 
 def _macs(config: Config) -> dict[bytes, int]:
     return {bytes.fromhex(peer.mac.replace(":", "")): peer.id for peer in config.peers}
-
-
-def _open_csi(csi: CsiConfig, config: Config) -> CsiSource:
-    try:
-        if csi.source == "unix":
-            return UnixSource(config.path(csi.socket), csi.receive_buffer_bytes)
-        return NetlinkSource(csi.connector_idx, csi.require_kernel_sender, csi.receive_buffer_bytes)
-    except (NetlinkError, UnixSocketError) as error:
-        raise CompanionError(f"csi.source {csi.source}: {error}") from None
