@@ -132,9 +132,12 @@ class Session:
         return config_of(msgspec.json.decode(self.metadata["config"]), f"{self.paths[0]}: its configuration")
 
     def messages(
-        self, topics: Container[str] | None = None, progress: Progress | None = None
+        self,
+        topics: Container[str] | None = None,
+        progress: Progress | None = None,
+        on_cut: Callable[[Path], None] | None = None,
     ) -> Iterator[LoggedMessage]:
-        """Of all parts in their order."""
+        """Of all parts in their order. `on_cut` is told of each file that is cut off."""
         total = sum(path.stat().st_size for path in self.paths)
         done = 0
         for path in self.paths:
@@ -144,8 +147,11 @@ class Session:
                 if progress is not None:
                     progress(before + at, total)
 
-            yield from LogScan(path, topics, read)
+            scan = LogScan(path, topics, read)
+            yield from scan
             done += path.stat().st_size
+            if not scan.is_whole and on_cut is not None:
+                on_cut(path)
 
 
 def open_session(path: Path) -> Session:

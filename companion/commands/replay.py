@@ -17,12 +17,12 @@ from rich.table import Table
 from companion.config import Config
 from companion.config_file import load_config
 from companion.errors import CompanionError
-from companion.log_reader import LoggedMessage, Session, open_session
+from companion.log_reader import Session, open_session
 from companion.progress import tracked_bytes
 from companion.replay.check import StreamCheck, check
 from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
-from companion.replay.player import DECISION_TOPICS, Player
-from companion.replay.result import ReplayResult, complete, last_event, replay_log, start_ns_of, write_log
+from companion.replay.player import Player
+from companion.replay.result import ReplayResult, replay_log, write_log
 from companion.replay.truths import true_azimuths
 
 _file = click.Path(path_type=Path)
@@ -46,15 +46,11 @@ class _Speed(click.ParamType):
 
 @click.command()
 @click.argument("log", type=_file)
-@click.option(
-    "--speed", type=_Speed(), default="max", show_default=True, help="Times real time."
-)
+@click.option("--speed", type=_Speed(), default="max", show_default=True, help="Times real time.")
 @click.option("--check", "is_check", is_flag=True, help="Compare with what was recorded; exit 1 where it differs.")
 @click.option("--config", "config_path", type=_file, help="What another configuration would have made of the flight.")
 @click.option("--live-page", is_flag=True, help="Show the replay in a browser, on a page of this machine.")
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=8970, show_default=True, help="Of the page."
-)
+@click.option("--port", type=click.IntRange(0, 65535), default=8970, show_default=True, help="Of the page.")
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 @click.option("--out", type=_file, help="Folder for replay.mcap and, with --config, the plot comparison.png.")
 def replay(
@@ -89,16 +85,14 @@ def replay(
             with tracked_bytes("replaying") as progress:
                 result = replay_log(player, session, speed, progress)
     took_s = time.monotonic() - begun
-    recorded = list(complete(session.messages(DECISION_TOPICS), last_event(session)))
     factor = result.flight_s / max(took_s, 1e-3)
     console.print(f"{result.flight_s:.1f} s of recording in {took_s:.1f} s: {factor:.0f} times real time")
-    _conclude(session, config, recorded, result, (is_check, config_path, json_path, out), console)
+    _conclude(session, config, result, (is_check, config_path, json_path, out), console)
 
 
 def _conclude(
     session: Session,
     config: Config,
-    recorded: list[LoggedMessage],
     result: ReplayResult,
     options: tuple[bool, Path | None, Path | None, Path | None],
     console: Console,
@@ -107,13 +101,13 @@ def _conclude(
     content: dict[str, Any] = {"log": [path.name for path in session.paths], **result.as_json()}
     failed = ""
     if is_check:
-        checks = check(recorded, result.decided, start_ns_of(session))
+        checks = check(result.recorded, result.decided, result.start_ns + session.wall_minus_mono_ns)
         console.print(_check_table(checks))
         content["check"] = [asdict(one) for one in checks]
         failed = _verdict(checks, result, session)
     rows: list[BearingRow] = []
     if other is not None:
-        rows = _compare(session, config, recorded, result, console)
+        rows = _compare(session, config, result, console)
         content["comparison"] = [asdict(row) for row in rows]
     if out is not None:
         with _writing(out):
@@ -153,11 +147,9 @@ def _check_table(checks: list[StreamCheck]) -> Table:
     return table
 
 
-def _compare(
-    session: Session, config: Config, recorded: list[LoggedMessage], result: ReplayResult, console: Console
-) -> list[BearingRow]:
-    start_ns = start_ns_of(session) - session.wall_minus_mono_ns
-    old, new = iterations_of(recorded), iterations_of(result.decided)
+def _compare(session: Session, config: Config, result: ReplayResult, console: Console) -> list[BearingRow]:
+    start_ns = result.start_ns
+    old, new = iterations_of(result.recorded), iterations_of(result.decided)
     rows = bearing_rows(old, new, start_ns, true_azimuths(session, config, [*old, *new]))
     table = Table(title="as flown, and as the other configuration would have had it", title_justify="left")
     for name in ("t [s]", "peer", "azimuth", "other", "moved", "reliability", "other", "error", "other"):
@@ -170,7 +162,7 @@ def _compare(
             _degrees(row.recorded_error_deg), _degrees(row.replayed_error_deg),
         )  # fmt: skip
     console.print(table)
-    before, after = mission_steps(recorded, start_ns), mission_steps(result.decided, start_ns)
+    before, after = mission_steps(result.recorded, start_ns), mission_steps(result.decided, start_ns)
     for number, (a, b) in enumerate(zip(before, after, strict=False)):
         if a.text != b.text:
             console.print(f"mission: step {number} was {a.text} at {a.t_s:.2f} s, would be {b.text} at {b.t_s:.2f} s")

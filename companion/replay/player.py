@@ -18,7 +18,7 @@ from companion.errors import CompanionError
 from companion.event_clock import EventClock
 from companion.events import Answer, CommandOutcome, Tick, Wish, WorkerState
 from companion.log.encoding import encoded
-from companion.log_reader import LoggedMessage, Progress, Session
+from companion.log_reader import LoggedMessage, Session
 from companion.messages import VehicleState, pose_of
 from companion.replay.recorded import (
     REPLAY_KEY,
@@ -30,6 +30,7 @@ from companion.replay.recorded import (
 )
 from companion.streams import (
     ANSWER,
+    APERTURE,
     COMMAND,
     CSI,
     NEIGHBOUR,
@@ -140,12 +141,13 @@ class Player:
         assert self._uav is not None
         return self._uav
 
-    def events(self, progress: Progress | None = None) -> Iterator[InputEvent]:
-        """Handles one event after the other, and yields each when it is done."""
+    def events(self, messages: Iterable[LoggedMessage]) -> Iterator[InputEvent]:
+        """Handles one event after the other, and yields each when it is done. `messages` in file order; those
+        that are no inputs are passed over."""
         if not self._exact:
             self._learn_latencies()
-        offset_ns = self._session.wall_minus_mono_ns
-        for event in input_events(self._session.messages(INPUT_TOPICS, progress), offset_ns):
+        inputs = (message for message in messages if message.topic in INPUT_TOPICS)
+        for event in input_events(inputs, self._session.wall_minus_mono_ns):
             if not self._exact:
                 self._answer_due(event.t_ns)
             self._base.t_ns = event.t_ns
@@ -201,9 +203,8 @@ class Player:
     def _learn_latencies(self) -> None:
         """How long after the tick that ended its aperture each answer came: the n-th answer is to the n-th aperture."""
         submitted: dict[int, int] = {}
-        topics = {TICK.topic, ANSWER.topic, "/aperture"}
-        for message in self._session.messages(topics):
-            if message.topic == "/aperture":
+        for message in self._session.messages({APERTURE.topic, ANSWER.topic}):
+            if message.topic == APERTURE.topic:
                 submitted[len(submitted)] = message.log_time_ns
             elif message.topic == ANSWER.topic:
                 answer = msgspec.json.decode(message.data, type=Answer)

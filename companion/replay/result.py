@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,17 +18,20 @@ from companion.config import Config
 from companion.errors import CompanionError
 from companion.log.encoding import schema_of
 from companion.log.writer import LogWriter
-from companion.log_reader import LoggedMessage, LogScan, Progress, Session
-from companion.replay.player import INPUT_TOPICS, Decided, Player
+from companion.log_reader import LoggedMessage, Progress, Session
+from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, InputEvent, Player
 from companion.streams import HEALTH
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """`decided` in the order of decision. `unexpected` counts outcomes and answers that nothing had asked for."""
+    """Both sides in the order of decision. `unexpected` counts outcomes and answers that nothing had asked for."""
 
+    recorded: list[LoggedMessage]
     decided: list[Decided]
     events: int
+    start_ns: int
+    """Monotonic time of the first event."""
     flight_s: float
     unexpected: int
     dropped_while_recording: int
@@ -50,54 +52,69 @@ class ReplayResult:
         }
 
 
+class Replay:
+    """One pass over a log: its events through the player, its recorded decisions kept for comparison."""
+
+    def __init__(self, player: Player, session: Session, progress: Progress | None = None) -> None:
+        self._player = player
+        self._session = session
+        self._progress = progress
+        self._recorded: list[LoggedMessage] = []
+        self._last = 0
+        self._is_cut = False
+        self._dropped = 0
+        self._events = 0
+        self._start_ns = 0
+        self._end_ns = 0
+
+    def events(self) -> Iterator[InputEvent]:
+        """Handles and yields one event after the other. Raises CompanionError for a log without any."""
+        for event in self._player.events(self._messages()):
+            self._start_ns = self._start_ns or event.t_ns
+            self._end_ns = event.t_ns
+            self._events += 1
+            yield event
+        if not self._events:
+            raise CompanionError(f"{self._session.paths[0]}: holds no input of the service; nothing to replay")
+
+    def result(self) -> ReplayResult:
+        """After the last event. That of a log that was cut off may lack its end: what it decided is left out."""
+        end = self._last if self._is_cut else self._last + 1
+        player = self._player
+        return ReplayResult(
+            [message for message in self._recorded if message.sequence < end],
+            [one for one in player.log.decided if one.event < end],
+            self._events,
+            self._start_ns,
+            (self._end_ns - self._start_ns) / NS_PER_S,
+            player.commands.unexpected + player.worker.unexpected,
+            self._dropped,
+        )
+
+    def _messages(self) -> Iterator[LoggedMessage]:
+        topics = INPUT_TOPICS | DECISION_TOPICS | {HEALTH.topic}
+        for message in self._session.messages(topics, self._progress, self._note_cut):
+            self._last = message.sequence
+            if message.topic in DECISION_TOPICS:
+                self._recorded.append(message)
+            elif message.topic == HEALTH.topic:
+                self._dropped = int(msgspec.json.decode(message.data)["recorder"].get("dropped", 0))
+            yield message
+
+    def _note_cut(self, path: Path) -> None:
+        self._is_cut = True
+
+
 def replay_log(player: Player, session: Session, speed: float | None, progress: Progress | None = None) -> ReplayResult:
     """The whole log, paced if `speed` says so. Raises CompanionError for a log without events."""
-    return collect(player, session, paced(player.events(progress), speed))
-
-
-def paced(events: Iterable[Any], speed: float | None) -> Iterator[Any]:
-    """The events, each not before its time."""
-    begun, first_ns = time.monotonic(), None
-    for event in events:
+    replay = Replay(player, session, progress)
+    begun = time.monotonic()
+    first_ns = None
+    for event in replay.events():
         if speed is not None:
             first_ns = event.t_ns if first_ns is None else first_ns
             time.sleep(max(0.0, begun + (event.t_ns - first_ns) / NS_PER_S / speed - time.monotonic()))
-        yield event
-
-
-def collect(player: Player, session: Session, events: Iterable[Any]) -> ReplayResult:
-    """Runs the events out. The last event of a log that was cut off may lack its end: it is left out."""
-    last = last_event(session)
-    count, first_ns, end_ns = 0, None, 0
-    for event in events:
-        if last is not None and event.number >= last:
-            break
-        first_ns = event.t_ns if first_ns is None else first_ns
-        end_ns, count = event.t_ns, count + 1
-    if first_ns is None:
-        raise CompanionError(f"{session.paths[0]}: holds no input of the service; nothing to replay")
-    decided = [one for one in player.log.decided if last is None or one.event < last]
-    unexpected = player.commands.unexpected + player.worker.unexpected
-    return ReplayResult(decided, count, (end_ns - first_ns) / NS_PER_S, unexpected, _dropped(session))
-
-
-def complete(messages: Iterable[LoggedMessage], last: int | None) -> Iterator[LoggedMessage]:
-    """Those before the event at which a log was cut off."""
-    return itertools.takewhile(lambda message: last is None or message.sequence < last, messages)
-
-
-def last_event(session: Session) -> int | None:
-    """The number of the last event of a log that is cut off, None for a whole one."""
-    scan = LogScan(session.paths[-1])
-    last = None
-    for message in scan:
-        last = message.sequence
-    return None if scan.is_whole else last
-
-
-def start_ns_of(session: Session) -> int:
-    """Wall time of the first event."""
-    return next((message.log_time_ns for message in session.messages(INPUT_TOPICS)), 0)
+    return replay.result()
 
 
 def write_log(path: Path, session: Session, config: Config, result: ReplayResult) -> None:
@@ -111,10 +128,3 @@ def write_log(path: Path, session: Session, config: Config, result: ReplayResult
             schema = schema_of(one.source)
             writer.copy(one.stream.topic, one.stream.encoding, schema, times, one.event & 0xFFFFFFFF, one.data)
         writer.finish()
-
-
-def _dropped(session: Session) -> int:
-    dropped = 0
-    for message in session.messages({HEALTH.topic}):
-        dropped = msgspec.json.decode(message.data)["recorder"].get("dropped", 0)
-    return int(dropped)
