@@ -29,7 +29,7 @@ _file = click.Path(path_type=Path)
 _WIDTH = 150
 
 
-class _Speed(click.ParamType):
+class _Speed(click.ParamType[float | None]):
     name = "X|max"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
