@@ -279,3 +279,9 @@ def _name_of(topic: str) -> str:
 def _vector(p_m: np.ndarray) -> Vector3:
     x, y, z = (float(value) for value in p_m)
     return x, y, z
+
+
+def path_of_recording(session: Session, kind: PoseKind | None) -> np.ndarray:
+    """Positions (N, 3) of one trajectory of a recording; a single zero where there is none."""
+    poses = [PoseInFrame.FromString(m.data).pose.position for m in session.messages({f"{POSE.topic}/{kind}"})]
+    return np.array([(p.x, p.y, p.z) for p in poses] or [(0.0, 0.0, 0.0)])
