@@ -124,7 +124,11 @@ def write_log(path: Path, session: Session, config: Config, result: ReplayResult
     with path.open("wb") as file:
         writer = LogWriter(file, metadata)
         for one in result.decided:
-            times = (one.t_ns + offset_ns, one.own_t_ns + offset_ns)
-            schema = schema_of(one.source)
-            writer.copy(one.stream.topic, one.stream.encoding, schema, times, one.event & 0xFFFFFFFF, one.data)
+            write_decided(writer, one, offset_ns)
         writer.finish()
+
+
+def write_decided(writer: LogWriter, one: Decided, wall_minus_mono_ns: int) -> None:
+    """One message as the recorder would have written it."""
+    times = (one.t_ns + wall_minus_mono_ns, one.own_t_ns + wall_minus_mono_ns)
+    writer.copy(one.stream.topic, one.stream.encoding, schema_of(one.source), times, one.event & 0xFFFFFFFF, one.data)

@@ -57,8 +57,8 @@ def recording_page(session: Session, scene: Scene, result: RunResult, path_png: 
         _section("Path and bearings", _image(path_png, "path from above with bearings")),
         _section(
             "AOA profiles",
-            "<p>One for each transmitter: dark where the power is high; a circle (or a dashed line of one azimuth) is the "
-            "estimate, a cross the truth.</p>"
+            "<p>One for each transmitter: dark where the power is high; a circle (or a dashed line of one azimuth) is "
+            "the estimate, a cross the truth.</p>"
             + (_image(pictures.profiles(tiles), "profiles") if tiles else "<p>None.</p>"),
         ),
         _section("Bearings", _link_table(result.links)),
