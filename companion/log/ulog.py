@@ -26,11 +26,13 @@ class Ulog:
     def __init__(self, path: Path) -> None:
         # Imported late: only a merge with a .ulg needs it.
         from pyulog.core import ULog
+        from pyulog.exceptions import ULogException
 
         self.path = path
         try:
-            self._log = ULog(str(path))
-        except (OSError, TypeError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
+            with path.open("rb") as file:  # given its name, it leaves a bad file open
+                self._log = ULog(file)
+        except (ULogException, OSError, TypeError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
             raise CompanionError(f"{path}: not a readable .ulg file: {error}") from None
 
     def messages(self) -> Iterator[tuple[str, int, bytes]]:

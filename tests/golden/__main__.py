@@ -1,4 +1,4 @@
-"""`make golden` renews the golden decisions on purpose and prints what moved; `--cut FLIGHT` makes a golden log anew."""
+"""`make golden` renews the golden decisions on purpose and prints what moved; `--cut FLIGHT` cuts a golden log anew."""
 
 from __future__ import annotations
 
