@@ -13,9 +13,11 @@ from matplotlib.figure import Figure
 
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
+from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
 COUNTS = (400, 880, 2000, 5000)
 _ATOM_PACKETS = 2000
+_GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "approach.mcap"
 
 
 @click.command()
@@ -39,11 +41,15 @@ def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> No
     )
     times = estimate_times()
     _print_estimates(times)
+    recording = recorder_cost()
+    factor = replay_factor(_GOLDEN)
+    _print_recording(recording, factor)
     memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
-        json_path.write_text(json.dumps({**figures, "memory_mb": memory}, indent=2) + "\n")
+        figures |= {"recording": asdict(recording), "replay_factor": factor, "memory_mb": memory}
+        json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, times, out)
 
@@ -56,6 +62,14 @@ def _print_estimates(times: EstimateTimes) -> None:
     )
     links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
     click.echo(f"transmitters in one iteration: {links}")
+
+
+def _print_recording(cost: RecorderCost, factor: float) -> None:
+    click.echo(
+        f"recording all streams: {100 * cost.core_share:.1f} % of a core at {cost.messages_per_s:.0f} messages/s and "
+        f"{cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, {cost.dropped} dropped"
+    )
+    click.echo(f"replay of the golden log: {factor:.0f} times real time")
 
 
 def _plot(rows: list[ProfileRow], times: EstimateTimes, out: Path) -> None:

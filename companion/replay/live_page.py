@@ -9,7 +9,7 @@ import asyncio
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from aiohttp import web
@@ -50,9 +50,13 @@ async def _run(
     player: Player, session: Session, speed: float | None, port: int, announce: Callable[[str], None]
 ) -> ReplayResult:
     state = LiveState()
+
+    async def answer(request: web.Request) -> web.Response:
+        return web.json_response(asdict(state))
+
     app = web.Application()
     app.router.add_get("/", _page)
-    app.router.add_get("/state", lambda request: _answer(state))
+    app.router.add_get("/state", answer)
     runner = web.AppRunner(app, access_log=None)
     await runner.setup()
     try:
@@ -102,17 +106,6 @@ def _show(player: Player, event: InputEvent, first_ns: int, state: LiveState, se
 
 async def _page(request: web.Request) -> web.Response:
     return web.Response(text=_HTML, content_type="text/html")
-
-
-async def _answer(state: LiveState) -> web.Response:
-    content = {
-        "t_s": state.t_s,
-        "is_done": state.is_done,
-        "status": state.status,
-        "trail": state.trail,
-        "bearings": state.bearings,
-    }
-    return web.json_response(content)
 
 
 _HTML: Final = """<!doctype html>

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,7 +54,9 @@ def cut(flight: Path, path: Path) -> None:
     answers = [m.log_time_ns for m in messages if m.topic == ANSWER.topic]
     end_ns = answers[_ITERATIONS - 1] + round(_AFTER_S * 1e9)
     start_ns = engaged_ns - round(_BEFORE_S * 1e9)
-    kept = [m for m in messages if start_ns <= m.log_time_ns <= end_ns or m.topic == WORKER.topic]
+    ready = [replace(m, log_time_ns=max(m.log_time_ns, start_ns)) for m in messages if m.topic == WORKER.topic]
+    kept = [m for m in messages if start_ns <= m.log_time_ns <= end_ns and m.topic != WORKER.topic]
+    kept = [m for m in ready if m.log_time_ns <= engaged_ns] + kept
     _write(path, session, kept, None)
     session = open_session(path)
     _write(path, session, kept, replayed(session))

@@ -147,8 +147,8 @@ def test_foxglove_messages_decode_with_the_schemas_in_the_file(tmp_path: Path) -
     profile = decoded["/aoa/profile"][1]
     assert (profile.column_count, len(profile.data)) == (360, 180 * 360)
     assert profile.data[-1] == 255
-    (message,) = read_log(path, {PROFILE.topic})
-    np.testing.assert_allclose(power_of(message.data).ravel(), np.linspace(0, 1, 180 * 360), atol=0.003)
+    (logged,) = read_log(path, {PROFILE.topic})
+    np.testing.assert_allclose(power_of(logged.data).ravel(), np.linspace(0, 1, 180 * 360), atol=0.003)
 
 
 def test_a_cut_file_gives_what_stands_before_the_cut(tmp_path: Path) -> None:
