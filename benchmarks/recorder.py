@@ -27,7 +27,7 @@ _STEP_S = 0.005
 
 @dataclass(frozen=True, slots=True)
 class RecorderCost:
-    """`core_share` of one core over `seconds`, of which the loop that feeds it is not a part; nothing may be dropped."""
+    """`core_share` of one core over `seconds`, without the loop that feeds it; nothing may be dropped."""
 
     seconds: float
     core_share: float

@@ -35,6 +35,7 @@ from companion.streams import (
     CSI,
     NEIGHBOUR,
     POSE_USED,
+    PROFILE,
     STREAMS,
     TICK,
     VEHICLE,
@@ -73,14 +74,14 @@ class Decided:
 
 @dataclass(slots=True)
 class ReplayLog:
-    """A `Recorder` that keeps what is decided and drawn, and passes over inputs and reports."""
+    """A `Recorder` that keeps what is decided, with the profiles, and passes over inputs, reports and other views."""
 
     clock: EventClock
     wall_minus_mono_ns: int
     decided: list[Decided] = field(default_factory=list)
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        if stream.part in (Part.DECISION, Part.VIEW):
+        if stream.part is Part.DECISION or stream is PROFILE:
             data, source = encoded(stream, t_mono_ns + self.wall_minus_mono_ns, message)
             entry = Decided(stream, self.clock.now_ns(), t_mono_ns, self.clock.number, source, data)
             self.decided.append(entry)
