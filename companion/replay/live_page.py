@@ -6,6 +6,7 @@ One page without scripts of others; it asks for the state a few times a second. 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -24,6 +25,8 @@ from companion.sar import Iteration
 
 _HOST: Final = "127.0.0.1"
 _BATCH_S: Final = 0.02
+_PATIENCE_S: Final = 10.0  # the replay begins when the page is opened, or without a viewer after so long
+_LINGER_S: Final = 1.0  # for viewers to see the end
 _TRAIL: Final = 2000
 
 
@@ -51,11 +54,17 @@ async def _run(
 ) -> ReplayResult:
     state = LiveState()
 
+    is_seen = asyncio.Event()
+
+    async def page(request: web.Request) -> web.Response:
+        is_seen.set()
+        return web.Response(text=_HTML, content_type="text/html")
+
     async def answer(request: web.Request) -> web.Response:
         return web.json_response(asdict(state))
 
     app = web.Application()
-    app.router.add_get("/", _page)
+    app.router.add_get("/", page)
     app.router.add_get("/state", answer)
     runner = web.AppRunner(app, access_log=None)
     await runner.setup()
@@ -64,6 +73,8 @@ async def _run(
         await site.start()
         (address,) = runner.addresses
         announce(f"http://{_HOST}:{address[1]}/")
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(is_seen.wait(), _PATIENCE_S)
         return await _drive(player, session, speed, state)
     except OSError as error:
         raise CompanionError(f"--port {port}: {error.strerror}") from None
@@ -79,11 +90,12 @@ async def _drive(player: Player, session: Session, speed: float | None, state: L
         first_ns = event.t_ns if first_ns is None else first_ns
         now = time.monotonic()
         due = now if speed is None else begun + (event.t_ns - first_ns) / NS_PER_S / speed
-        if due > now or now > batch_end:
+        if due > now or now > batch_end or not state.status:
             seen = _show(player, event, first_ns, state, seen)
             await asyncio.sleep(max(0.0, due - now))
             batch_end = time.monotonic() + _BATCH_S
     state.is_done = True
+    await asyncio.sleep(_LINGER_S)
     return replay.result()
 
 
@@ -102,10 +114,6 @@ def _show(player: Player, event: InputEvent, first_ns: int, state: LiveState, se
                 pass
     del state.trail[:-_TRAIL]
     return len(player.log.decided)
-
-
-async def _page(request: web.Request) -> web.Response:
-    return web.Response(text=_HTML, content_type="text/html")
 
 
 _HTML: Final = """<!doctype html>
