@@ -5,11 +5,14 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test bench golden replay-seeds check lint types imports help clean
+.PHONY: demo test faults mutants t265 bench golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
 	@echo "make test   checks and tests"
+	@echo "make faults long fault campaigns (an hour or more); figures in build/fault-figures.json"
+	@echo "make mutants  mutation test of the set point gate"
+	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
 	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
 	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
@@ -33,8 +36,32 @@ $(VENV)/dev.stamp: requirements-dev.txt $(VENV)/run.stamp
 demo: .venv
 	$(BIN)/companion demo $(ARGS)
 
-test: check
-	$(BIN)/python -m pytest
+# What computes runs on two processes; what flies, or injects faults, alone, so that nothing disturbs its timing.
+test: check t265
+	$(BIN)/python -m pytest -n 2 tests/unit tests/property tests/golden
+	$(BIN)/python -m pytest tests/faults tests/sitl
+
+faults: $(VENV)/dev.stamp t265
+	FAULT_CAMPAIGN=long $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
+
+# cosmic-ray changes the file it tests: it works on a copy. Its own environment, since it pulls in a database.
+mutants: $(VENV)/dev.stamp
+	test -e .venv-mutants/bin/cosmic-ray || { $(PYTHON) -m venv .venv-mutants && .venv-mutants/bin/python -m pip --disable-pip-version-check --quiet install cosmic-ray==8.7.0; }
+	rm -rf build/mutants && mkdir -p build/mutants
+	cp -r companion wsr csi_bridge tests pyproject.toml build/mutants/
+	cp tests/mutants.toml build/mutants/mutants.toml
+	cd build/mutants && export PATH=$(CURDIR)/$(BIN):$$PATH MUTANTS=$(CURDIR)/.venv-mutants/bin && \
+		$$MUTANTS/cosmic-ray init mutants.toml mutants.sqlite && \
+		$$MUTANTS/cr-filter-operators mutants.sqlite mutants.toml && $$MUTANTS/cosmic-ray exec mutants.toml mutants.sqlite && \
+		$$MUTANTS/cr-report --show-diff --surviving-only mutants.sqlite | tail -60
+
+# Soft: without a CPython 3.10 the tests say so and use the newest pyrealsense2 instead.
+PYTHON310 := $(shell for p in python3.10 $$HOME/.pyenv/versions/3.10.*/bin/python3.10; do $$p -c '' 2>/dev/null && echo $$p && break; done)
+t265:
+	@test -e .venv-t265/t265.stamp -o -z "$(PYTHON310)" || { \
+		$(PYTHON310) -m venv .venv-t265 && \
+		.venv-t265/bin/python -m pip --disable-pip-version-check --quiet install -r requirements-t265.txt && \
+		touch .venv-t265/t265.stamp; } || echo "the camera reader's own environment could not be made; tests do without"
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
@@ -57,4 +84,4 @@ check: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) .venv-t265 .venv-mutants build dist *.egg-info

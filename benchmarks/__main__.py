@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
+from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
 from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
@@ -41,6 +42,8 @@ def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> No
     )
     times = estimate_times()
     _print_estimates(times)
+    told = informativeness_times()
+    _print_informativeness(told)
     recording = recorder_cost()
     factor = replay_factor(_GOLDEN)
     _print_recording(recording, factor)
@@ -48,6 +51,7 @@ def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> No
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
+        figures["informativeness"] = asdict(told)
         figures |= {"recording": asdict(recording), "replay_factor": factor, "memory_mb": memory}
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
@@ -62,6 +66,14 @@ def _print_estimates(times: EstimateTimes) -> None:
     )
     links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
     click.echo(f"transmitters in one iteration: {links}")
+
+
+def _print_informativeness(times: InformativenessTimes) -> None:
+    click.echo(
+        f"informativeness, 880 packets: one direction {1e3 * times.one_direction_s:.2f} ms, worst case over 5 degrees "
+        f"{1e3 * times.worst_case_s:.2f} ms, all of a SAR iteration {1e3 * times.iteration_s:.2f} ms; 64800 directions "
+        f"{1e3 * times.sphere_s:.0f} ms, {times.scalar_s / times.sphere_s:.0f} x faster than one by one"
+    )
 
 
 def _print_recording(cost: RecorderCost, factor: float) -> None:

@@ -19,7 +19,7 @@ from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_by
 from companion.recorder import McapRecorder, Recorder
 from companion.replay.player import Player
 from companion.replay.result import replay_log
-from companion.streams import CSI, NEIGHBOUR, POSE, POSE_USED, PROFILE, SETPOINT, TICK, VEHICLE, Stream
+from companion.streams import CSI, NEIGHBOUR, POSE, POSE_IN, PROFILE, SETPOINT, TICK, VEHICLE, Stream
 
 _ROOT = Path(__file__).resolve().parents[1]
 _STEP_S = 0.005
@@ -89,7 +89,7 @@ def _messages() -> tuple[tuple[Stream, float, object], ...]:
     power = np.random.default_rng(1).random((180, 360)).astype(np.float16).tobytes()
     return (
         (CSI, 150.0, b"\xbb" + os.urandom(230)),
-        (POSE_USED, 200.0, pose_bytes(pose)),
+        (POSE_IN, 200.0, pose_bytes(pose)),
         (POSE, 50.0, pose),
         (NEIGHBOUR, 10.0, os.urandom(400)),
         (TICK, 20.0, Tick(1)),

@@ -126,7 +126,7 @@ class _Scene:
 def analyze_run(run: Run, options: Options) -> RunResult:
     """Every transmitter of a run. Problems of single files are in the result; nothing is raised for them."""
     kind = options.kind or next((kind for kind in PoseKind if kind in run.trajectories), None)
-    problems = list(_missing(run, kind))
+    problems = list(_missing(run, kind, options.kind))
     try:
         scene = _scene(run, kind, options, problems)
     except _MissingFile:
@@ -143,11 +143,13 @@ class _MissingFile(CompanionError):
     """A file without which nothing can be done; `_missing` has reported it."""
 
 
-def _missing(run: Run, kind: PoseKind | None) -> Iterator[str]:
+def _missing(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> Iterator[str]:
     if run.rx is None:
         yield f"{run.folder}: csi_rx_{run.stamp}.dat is missing"
     if kind is None:
         yield f"{run.folder}: no trajectory of {run.stamp}, expected rx_trajectory_{run.stamp}_.csv or a T265's"
+    elif wanted is None and kind is not PoseKind.MOCAP and not run.loose:
+        yield f"{run.folder}: rx_trajectory_{run.stamp}_.csv is missing (motion capture); {kind} is used"
     elif kind not in run.trajectories:
         available = ", ".join(run.trajectories) or "none"
         yield f"{run.folder}: no {kind} trajectory of {run.stamp} (available: {available})"
@@ -158,6 +160,8 @@ def _missing(run: Run, kind: PoseKind | None) -> Iterator[str]:
 def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str]) -> _Scene:
     if run.rx is None or kind is None or kind not in run.trajectories or not run.tx:
         raise _MissingFile("files are missing")
+    rx = read_log(run.rx)
+    problems += damage(rx)
     truth = _truth(run, problems)
     channel = truth.channel if options.channel is None and truth is not None else options.channel
     if truth is not None and channel != truth.channel:
@@ -168,8 +172,6 @@ def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str
         wavelength = wavelength_m(channel)
     except ValueError as error:
         raise RecordingError(f"{run.folder}: {error}") from None
-    rx = read_log(run.rx)
-    problems += damage(rx)
     trajectory = read_trajectory(run.trajectories[kind], kind)
     problems += trajectory.problems
     _check_overlap(trajectory, rx.host_time_s, rx.path)

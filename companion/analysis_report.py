@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from companion.analysis import LinkResult, RunResult
 
@@ -33,11 +34,11 @@ class SetSummary:
 
 def run_table(result: RunResult) -> Table:
     """One row per transmitter; elevation is the polar angle from Up."""
-    table = Table(title=f"{result.run.title}  ({result.kind})", title_justify="left", title_style="bold")
+    table = Table(title=Text(f"{result.run.title}  ({result.kind})"), title_justify="left", title_style="bold")
     for name, justify in _COLUMNS:
         table.add_column(name, justify=justify, no_wrap=name != "dropped")  # type: ignore[arg-type]
     for link in result.links:
-        table.add_row(*_cells(link))
+        table.add_row(*map(Text, _cells(link)))  # as Text: names may hold brackets, which rich would take for markup
     return table
 
 
@@ -67,7 +68,7 @@ def summary_table(summaries: Sequence[SetSummary]) -> Table:
         count = str(row.links) if row.links == row.of_links else f"{row.links} of {row.of_links}"
         share = "-" if row.share_below_10_deg is None else f"{row.share_below_10_deg:.0%}"
         angles = ("-" if angle is None else f"{angle:.1f}°" for angle in (row.median_deg, row.mean_deg))
-        table.add_row(row.name, count, *angles, share)
+        table.add_row(Text(row.name), count, *angles, share)
     return table
 
 

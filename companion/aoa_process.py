@@ -14,7 +14,7 @@ import msgspec
 
 from companion.aoa_wire import LENGTH, MAX_BYTES, AoaResult, frame, request_of
 from companion.aoa_worker import READY_ID
-from companion.child import die_with_parent
+from companion.child import tied
 from companion.errors import CompanionError
 from wsr.aperture import Aperture
 
@@ -103,14 +103,10 @@ class AoaProcess:
 
 async def _spawn(estimator: str) -> asyncio.subprocess.Process:
     return await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "companion.aoa_worker",
-        estimator,
+        *tied(sys.executable, "-m", "companion.aoa_worker", estimator),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         env=os.environ | ONE_THREAD,
-        preexec_fn=die_with_parent,
     )
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
+from wsr.crb.informativeness import Informativeness
 
 LENGTH = struct.Struct("<I")
 MAX_BYTES = 64 << 20
@@ -46,6 +47,8 @@ class AoaResult:
     estimate: AoaEstimate | None = None
     profile: bytes = b""
     refusal: str = ""
+    informativeness: Informativeness | None = None
+    """What the aperture tells, towards the estimate and in the worst case; None for a refusal."""
     failed: bool = False
     """The worker was lost or behind: the refusal is no judgement of the aperture."""
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from companion.aoa_wire import LENGTH, AoaRequest, AoaResult, aperture_of, frame
 from wsr.aoa import Estimator
+from wsr.crb.informativeness import informativeness
 from wsr.errors import ApertureError
 from wsr.estimators import ESTIMATORS, warm_up
 
@@ -27,11 +28,14 @@ def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
     """One estimate; a refusal of the estimator is a result too."""
     start = time.perf_counter()
     try:
-        estimate, profile = estimator.estimate(aperture_of(request))
+        aperture = aperture_of(request)
+        estimate, profile = estimator.estimate(aperture)
     except ApertureError as error:
         return AoaResult(request.id, request.peer, time.perf_counter() - start, refusal=str(error))
     power = np.asarray(profile.power, np.float16).tobytes()
-    return AoaResult(request.id, request.peer, time.perf_counter() - start, estimate, power)
+    told = informativeness(aperture, estimate.azimuth_rad, estimate.polar_rad)
+    elapsed_s = time.perf_counter() - start
+    return AoaResult(request.id, request.peer, elapsed_s, estimate, power, informativeness=told)
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import logging
 import signal
 import time
@@ -23,22 +24,22 @@ from companion.errors import CompanionError
 from companion.event_clock import EventClock
 from companion.events import Answer, WorkerState
 from companion.flight import Flight
+from companion.flight_commands import FlightCommands, MakeCommands
 from companion.inputs import Inputs, LiveInputs
 from companion.log.foxglove import LogLine
 from companion.messages import Pose
-from companion.mission import Event
 from companion.node import Node
 from companion.notify import notify
+from companion.pose.forward import VioForwarder
 from companion.radio import ChannelSample
 from companion.recorder import McapRecorder, Recorder
 from companion.sar import ApertureRecord, Iteration, SarIterations, Worker
 from companion.streams import ANSWER, LOG, WORKER
-from companion.vehicle_commands import Commands, CommandTask
+from companion.surroundings import Surroundings
 from companion.window import SarWindow
 from wsr.channel import wavelength_m
 
 _log = logging.getLogger(__name__)
-_CONNECT_S = 60.0
 _WATCHDOG_S = 1.0
 
 
@@ -75,24 +76,34 @@ class Uav:
         clock: EventClock,
         recorder: Recorder,
         inputs: Inputs,
-        autopilot: Autopilot,
-        commands: Commands,
+        make_autopilot: Callable[[Node], Autopilot],
         make_worker: Callable[[Callable[[AoaResult], None], Callable[[bool], None]], Worker],
+        make_commands: MakeCommands = FlightCommands,
+        look: Callable[[], Surroundings] | None = None,
     ) -> None:
+        assert config.autopilot is not None
         aperture = config.aperture
         self._clock = clock
         self._recorder = recorder
+        self._refuses_lookalikes = config.neighbours.refuse_lookalikes
         self._window = SarWindow(
             config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
         )
-        self.node = Node(config, clock, recorder, inputs, self._take_sample, self._window.add_pose)
-        worker = make_worker(self.take_answer, self.take_worker_state)
+        self.node = node = Node(config, clock, recorder, self._take_sample, self._take_pose, inputs)
+        self._window.nic_clock = node.radio.nic_clock
+        self.autopilot = ObservedAutopilot(make_autopilot(node), clock, recorder)
+        self._forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
         self.sar = SarIterations(
-            self._window, worker, self.node.receiver.neighbours, aperture, clock, self._take_aperture, self._take
+            self._window,
+            make_worker(self.take_answer, self.take_worker_state),
+            node.receiver.neighbours,
+            aperture,
+            clock,
+            self._take_iteration,
+            node.intake.problem_between,
+            self._take_aperture,
         )
-        self.flight = Flight(
-            config, clock, self.node, ObservedAutopilot(autopilot, clock, recorder), commands, self.sar, recorder
-        )
+        self.flight = Flight(config, clock, node, self.autopilot, self.sar, recorder, make_commands, look)
 
     def take_answer(self, result: AoaResult) -> None:
         """The worker has answered."""
@@ -105,16 +116,22 @@ class Uav:
         """A worker has begun or ceased to wait for apertures."""
         with self._clock.event() as now_ns:
             self._recorder.record(WORKER, now_ns, WorkerState(now_ns, is_ready))
-            self.sar.is_ready = is_ready
 
     def _take_sample(self, sample: ChannelSample) -> None:
         self._window.add_sample(sample)
         self.flight.heard(sample.peer, sample.t_mono_ns)
 
+    def _take_pose(self, pose: Pose) -> None:
+        self._window.add_pose(pose)
+        self._forwarder.take(pose)
+
     def _take_aperture(self, aperture: ApertureRecord) -> None:
         self.flight.take_aperture(aperture)
 
-    def _take(self, iteration: Iteration, profile: bytes) -> None:
+    def _take_iteration(self, iteration: Iteration, profile: bytes) -> None:
+        doubt = self.node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
+        if doubt and self._refuses_lookalikes:
+            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
         self.flight.take(iteration, profile)
 
 
@@ -122,7 +139,7 @@ async def _serve_beacon(config: Config, clock: EventClock, recorder: Recorder) -
     def on_sample(sample: ChannelSample) -> None:
         beacon.add_sample(sample)
 
-    node = Node(config, clock, recorder, LiveInputs(config), on_sample, _ignore)
+    node = Node(config, clock, recorder, on_sample, _ignore)
     beacon = Beacon(node.sender)
 
     async def answer(command: str) -> dict[str, Any]:
@@ -148,24 +165,36 @@ async def _serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> N
         return process
 
     # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-    autopilot = MavsdkAutopilot(config.autopilot.url, MonotonicClock())
-    uav = Uav(config, clock, recorder, LiveInputs(config), autopilot, CommandTask(), make_worker)
-    flight = uav.flight
+    url = config.autopilot.url
+    uav = Uav(
+        config,
+        clock,
+        recorder,
+        LiveInputs(config),
+        lambda node: MavsdkAutopilot(url, MonotonicClock(), node.odometry_sink()),
+        make_worker,
+    )
+    node, flight, autopilot = uav.node, uav.flight, uav.autopilot
 
     async def answer(command: str) -> dict[str, Any]:
         if command == "status":
-            return {"ok": True, **flight.status(), "health": _plain(uav.node)}
-        if command in ("engage", "abort"):
-            refusal = flight.wish(Event(command))
+            return {"ok": True, **flight.status(), "health": _plain(node)}
+        if command == "engage":
+            refusal = await flight.engage()
             return {"ok": not refusal, "error": refusal}
-        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status"}
+        if command == "abort":
+            flight.abort()
+            return {"ok": True, "error": ""}
+        if command == "pose":
+            return _pose_answer(node, autopilot.state().yaw_enu_rad)
+        return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
 
     try:
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(uav.node.run(), name="node")
+            tasks.create_task(node.run(), name="node")
             tasks.create_task(process.run(), name="aoa")
             tasks.create_task(ControlServer(config.path(config.control_socket), answer).run(), name="control")
-            await autopilot.connect(_CONNECT_S)
+            tasks.create_task(autopilot.run(), name="autopilot")
             tasks.create_task(flight.run(), name="flight")
             tasks.create_task(_feed_watchdog(flight.is_ticking), name="watchdog")
             notify("READY=1")
@@ -206,6 +235,13 @@ async def _feed_watchdog(is_alive: Callable[[], bool]) -> None:
         await asyncio.sleep(_WATCHDOG_S)
         if is_alive():
             notify("WATCHDOG=1")
+
+
+def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:
+    pose, problem = node.intake.newest, node.intake.problem()
+    if pose is None or problem:
+        return {"ok": False, "error": f"no poses to check: {problem or node.intake.north_problem()}"}
+    return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}
 
 
 def _plain(node: Node) -> dict[str, Any]:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum, auto
+from typing import Final
 
 from companion.clock import NS_PER_S
 from companion.config import MissionConfig
+from companion.gate import GateLimits
 from companion.guidance import LegShape, plan_leg
 from companion.messages import Setpoint, Vector3
 from companion.sar import SarIterations
+
+_YAW_RATE_RAD_S: Final = math.radians(30.0)
+_LONGEST_TICK_S: Final = 0.2
+_PULL_PER_S: Final = 0.8
+"""How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
 
 
 class _Phase(Enum):
@@ -33,13 +41,17 @@ class Approach:
         self._phase = _Phase.REST
         self._phase_ns = 0
         self._side = 1
+        self._turns = mission.yaw == "target"
         self._yaw_rad = 0.0
+        self._tick_ns: int | None = None
         self._at_m: Vector3 = (0.0, 0.0, 0.0)
 
     def start(self, p_local_enu_m: Vector3, yaw_enu_rad: float) -> None:
-        """Begin from where the vehicle is, with the heading it has: it is kept, the antenna hears all around."""
+        """Begin from where the vehicle is, with the heading it has. It is kept, since the antenna hears all around,
+        unless the nose is to turn to the target."""
         self._at_m, self._yaw_rad = p_local_enu_m, yaw_enu_rad
         self._phase = _Phase.REST
+        self._tick_ns = None
 
     def setpoint(self, now_ns: int, azimuth_rad: float, moving: bool) -> Setpoint:
         """The set point of this tick. A new leg goes along `azimuth_rad`; without `moving` the vehicle stands."""
@@ -62,7 +74,30 @@ class Approach:
             self._enter(_Phase.WAIT, now_ns)
         elif self._phase is _Phase.WAIT and not self._sar.is_waiting:
             self._enter(_Phase.REST, now_ns)
+        if self._turns:
+            self._turn(azimuth_rad, now_ns)
         return Setpoint(now_ns, self._at_m, velocity, self._yaw_rad)
+
+    def _turn(self, azimuth_rad: float, now_ns: int) -> None:
+        """Nose towards the target, slowly: a fast turn swings the antenna."""
+        elapsed_s = 0.0 if self._tick_ns is None else (now_ns - self._tick_ns) / NS_PER_S
+        most = _YAW_RATE_RAD_S * min(elapsed_s, _LONGEST_TICK_S)
+        error = math.remainder(azimuth_rad - self._yaw_rad, math.tau)
+        self._yaw_rad = math.remainder(self._yaw_rad + max(-most, min(most, error)), math.tau)
+        self._tick_ns = now_ns
 
     def _enter(self, phase: _Phase, now_ns: int) -> None:
         self._phase, self._phase_ns = phase, now_ns
+
+
+def as_velocity(setpoint: Setpoint, p_local_enu_m: Vector3, limits: GateLimits) -> Setpoint:
+    """The same set point as a velocity alone: its own, and back to its position from where the vehicle is, within the
+    speed and climb limits."""
+    assert setpoint.p_local_enu_m is not None
+    vx, vy, vz = (
+        v + _PULL_PER_S * (wanted - now)
+        for v, wanted, now in zip(setpoint.v_local_enu_m_s, setpoint.p_local_enu_m, p_local_enu_m, strict=True)
+    )
+    scale = min(1.0, limits.max_speed_m_s / max(math.hypot(vx, vy), 1e-9))
+    climb = max(-limits.max_climb_m_s, min(limits.max_climb_m_s, vz))
+    return Setpoint(setpoint.t_mono_ns, None, (scale * vx, scale * vy, climb), setpoint.yaw_enu_rad)

@@ -15,14 +15,19 @@ _COMMANDS: Final = {
     "engage": "hand the vehicle to the companion (a deliberate act, never done at start)",
     "abort": "end the companion's flight: leave its mode and stay out",
     "status": "what the service is doing",
+    "feed": "play a recorded CSI log to the service, as the driver would",
+    "keygen": "secret keys for the robots' datagrams",
+    "doctor": "what is not ready, and what to do about it",
+    "check-axes": "move the vehicle by hand and see whether the axes are right",
     "demo": "a full simulated rendezvous",
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
+    "study": "what the paper derives or simulates, beside its own numbers",
     "log": "flight logs: info, repair, export, merge, import",
     "replay": "a recorded flight decided again by the same code",
     "report": "a flight log as one page",
 }
-_MODULES: Final = {"engage": "control", "abort": "control", "status": "control"}
+_MODULES: Final = {"engage": "control", "abort": "control", "status": "control", "check-axes": "check_axes"}
 
 
 class _LazyGroup(click.Group):
@@ -33,7 +38,7 @@ class _LazyGroup(click.Group):
         if cmd_name not in _COMMANDS:
             return None
         module = importlib.import_module(f"companion.commands.{_MODULES.get(cmd_name, cmd_name)}")
-        command = getattr(module, cmd_name)
+        command = getattr(module, cmd_name.replace("-", "_"))
         assert isinstance(command, click.Command)
         return command
 

@@ -19,7 +19,9 @@ Fraction = Annotated[float, Meta(ge=0, le=1)]
 Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
+_MIN_VIO_HZ = 20.0
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
+Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
 Metres3 = tuple[float, float, float]
 
 
@@ -35,20 +37,49 @@ class CsiConfig:
     require_kernel_sender: bool = True
     """Refuse records that another process sent to the connector group. Only a simulation turns this off."""
     socket: str = "csi.sock"
+    interface: str | None = None
+    """The card's monitor interface, for example mon0: pings are sent there, and `doctor radio` looks at it."""
     receive_buffer_bytes: Annotated[int, Meta(ge=65536)] = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class PoseConfig:
-    """The pose source: a reader process that sends pose datagrams to `socket`."""
+class NatNetConfig:
+    """An OptiTrack server that streams to this host (unicast)."""
 
+    server: str = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 1510
+    """Its command port."""
+    body: Annotated[int, Meta(ge=0)] = 1
+    """Streaming id of this robot's rigid body."""
+    up: Literal["y", "z"] = "y"
+    """Motive's up axis as it streams."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseConfig:
+    """Where poses come from."""
+
+    source: Literal["socket", "px4", "natnet", "recording"] = "socket"
+    """`socket`: a camera's reader process sends datagrams; `px4`: the autopilot's own odometry; `natnet`: OptiTrack;
+    `recording`: a file."""
     socket: str = "pose.sock"
+    reader_command: list[str] = field(default_factory=list)
+    """Program and arguments of the camera's reader, which the service then starts and restarts. Empty when systemd
+    does."""
+    recording: str = ""
+    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z, qx, qy, qz, qw."""
+    natnet: NatNetConfig = field(default_factory=NatNetConfig)
+    north: Literal["config", "autopilot"] = "config"
+    """Who knows where North is: north_yaw_deg, or the autopilot's heading over a still period before the flight."""
     north_yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
     """Turn, counter-clockwise, from the tracker's start heading axis (its East) to true East."""
     antenna_m: Metres3 = (0.0, 0.0, 0.0)
     """The receiving antenna in body axes (forward, left, up), from the tracker."""
     stale_s: Positive = 0.2
-    """An aperture with a longer gap is dropped, and nothing engages."""
+    """An aperture with a longer gap is dropped, the vehicle holds, and nothing engages."""
+    min_confidence: Annotated[int, Meta(ge=1, le=3)] = 2
+    """An aperture with poses below this tracker confidence (T265: 1 low, 2 medium, 3 high) is dropped."""
+    min_rate_hz: Positive = 20.0
     lost_s: Positive = 8.0
     """After so long without poses the vehicle lands. A T265 needs up to 7 s to come back by itself."""
 
@@ -61,6 +92,10 @@ class Peer:
     name: Annotated[str, Meta(min_length=1, max_length=32)]
     mac: Mac
     key_file: str
+    next_key_file: str | None = None
+    """Also valid, while keys are being replaced."""
+    ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
+    """Bytes on the air, with check sum, of the frames that this robot's driver answers; each beacon has its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +105,28 @@ class NeighbourConfig:
     key_file: str
     """Our own key, 32 bytes or more, readable by the owner only."""
     port: Annotated[int, Meta(ge=1, le=65535)] = 17650
-    broadcast: str = "127.255.255.255"
+    broadcast: Ipv4 = "127.255.255.255"
+    """The broadcast address of the robots' network, or a multicast group."""
+    interface: str | None = None
+    """The network interface of that address; its bytes per second are shown in health where it is given."""
+    refuse_lookalikes: bool = False
+    """Let a robot whose profiles cannot be told from another's steer nothing. It is reported in any case."""
     rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
     pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
+    budget_bytes_s: Annotated[float, Meta(ge=2000, le=50000)] = 5000.0
+    """Of our datagrams with UDP and IP headers; channels beyond it are left out evenly. 5000 carries 195 packets/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class PingConfig:
+    """What we transmit on the card's interface. Without `csi.interface` nothing is sent."""
+
+    enabled: bool = False
+    """Role uav: ping the beacons in turn. Role beacon: answer pings from user space, where the driver does not."""
+    rate_hz: Annotated[float, Meta(ge=60, le=200)] = 120.0
+    """Of all pings together."""
+    mcs: Annotated[int, Meta(ge=0, le=7)] = 1
+    """HT rate of one stream, 20 MHz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +152,28 @@ class ApertureConfig:
 class AutopilotConfig:
     url: str
     """MAVSDK connection, for example udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600."""
+    gps: bool = True
+    """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
+    forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0
+    """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more."""
+    engage_rc_channel: Annotated[int, Meta(ge=1, le=18)] | None = None
+    """RC channel of a switch that engages when it is moved up and aborts when it is moved down; absent for none."""
+    engage_rc_above_us: Annotated[int, Meta(ge=1000, le=2000)] = 1700
+    """Pulse width above which that switch is up."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionConfig:
+    control: Literal["observe", "fly"] = "observe"
+    """`observe` computes and logs everything and sends nothing; only `fly` can be engaged."""
+    leave: Literal["hold", "land", "return"] = "hold"
+    """What the autopilot is left in at the target."""
+    lost_target: Literal["return", "land"] = "return"
+    """What it is left in when the target stays silent, or no bearing to it is found, while the vehicle holds."""
+    setpoints: Literal["position", "velocity"] = "position"
+    """`velocity` sends velocities alone, led back to the path: for an autopilot whose position drifts against it."""
+    yaw: Literal["fixed", "target"] = "fixed"
+    """Keep the heading of the start, or turn the nose to the target."""
     takeoff_height_m: Annotated[float, Meta(ge=0.5, le=20)] = 1.5
     speed_m_s: Annotated[float, Meta(gt=0, le=2)] = 0.5
     acceleration_m_s2: Positive = 0.8
@@ -113,6 +185,8 @@ class MissionConfig:
     """Below this share of charge the vehicle lands."""
     limit_s: Positive = 900.0
     """Longest approach, after which the vehicle lands."""
+    hold_limit_s: Positive = 60.0
+    """After holding for so long without the target the vehicle is left as lost_target says."""
     arrival_range_m: Positive = 1.5
     """The mission has arrived when the triangulated range, plus two standard deviations, is below this."""
 
@@ -129,6 +203,8 @@ class GateConfig:
     max_acceleration_m_s2: Positive = 3.0
     min_height_m: float = 0.5
     max_age_s: Positive = 0.2
+    min_neighbour_m: Positive = 1.0
+    """Least distance of a set point from where another robot is known to be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +222,8 @@ class RecorderConfig:
     """So is one of this age."""
     budget_mb: Positive = 4096.0
     """All files of the recording together; the oldest finished ones go first."""
+    min_free_mib: NotNegative = 500.0
+    """Nothing engages with less space left on the log's disk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +237,12 @@ class Config:
     neighbours: NeighbourConfig
     peers: list[Peer]
     runtime_dir: str = "/run/companion"
+    state_dir: str = "/var/lib/companion"
+    """What must outlive a restart: the numbers that make replayed datagrams show."""
+    ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
+    """Role beacon: bytes on the air, with check sum, of the frames that are for us."""
     control_socket: str = "control.sock"
+    ping: PingConfig = field(default_factory=PingConfig)
     pose: PoseConfig = field(default_factory=PoseConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     aperture: ApertureConfig = field(default_factory=ApertureConfig)
@@ -181,6 +264,16 @@ class Config:
         found = []
         if self.role == "uav" and self.autopilot is None:
             found.append("autopilot: missing; role uav needs autopilot.url, for example udpin://127.0.0.1:14540")
+        if self.pose.source == "recording" and not self.pose.recording:
+            found.append("pose.recording: missing; source recording needs the path of a trajectory")
+        for key in ("px4", "autopilot"):
+            if self.autopilot is None and key in (self.pose.source, self.pose.north):
+                name = "source" if key == "px4" else "north"
+                found.append(f"pose.{name}: {key} needs an autopilot; expected another value")
+        if self.pose.source == "px4" and self.autopilot is not None and self.autopilot.forward_vio_hz:
+            found.append(
+                "autopilot.forward_vio_hz: the autopilot's own odometry must not be fed back to it; expected 0"
+            )
         if not self.peers:
             found.append("peers: empty; expected at least one robot to hear")
         for key in ("id", "name", "mac"):
@@ -188,6 +281,8 @@ class Config:
             found += [
                 f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
             ]
+        if self.ping.enabled and self.csi.interface is None:
+            found.append("ping.enabled: needs csi.interface, the card's monitor interface")
         if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:
             found.append(f"mission.target: {self.mission.target} is the id of no peer")
         found += [f"peers: id {p.id} is this robot's own id" for p in self.peers if p.id == self.id]
@@ -207,6 +302,11 @@ class Config:
             )
         if self.recorder.rotate_mb >= self.recorder.budget_mb:
             found.append("recorder.rotate_mb: one file alone would exceed recorder.budget_mb")
+        if self.autopilot is not None and not self.autopilot.gps and self.autopilot.forward_vio_hz < _MIN_VIO_HZ:
+            found.append(
+                f"autopilot.forward_vio_hz: {self.autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "
+                "autopilot.gps: false, or the estimator has no position"
+            )
         if self.mission.speed_m_s > self.gate.max_speed_m_s:
             found.append("mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point")
         return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rich.table import Table
+from rich.text import Text
 
 from companion.evaluation import Figures
 
@@ -16,8 +17,7 @@ def figures_table(title: str, figures: Mapping[str, Figures], of: Mapping[str, F
     for heading in ("links", "median", "mean", "90th pct", "below 10°"):
         table.add_column(heading, justify="right")
     for name, row in figures.items():
+        angles = (f"{row.median_deg:.2f}°", f"{row.mean_deg:.2f}°", f"{row.p90_deg:.1f}°")
         links = str(row.n) if of is None else f"{row.n} of {of[name].n}"
-        table.add_row(
-            name, links, f"{row.median_deg:.2f}°", f"{row.mean_deg:.2f}°", f"{row.p90_deg:.1f}°", f"{row.within_10:.0%}"
-        )
+        table.add_row(Text(name), links, *angles, f"{row.within_10:.0%}")
     return table

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from companion.boots import Reached
 from companion.mission import Event
 
 
@@ -16,11 +18,14 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A person asked for something; `refusal` is the answer, empty when it was granted."""
+    """A person asked for something; `refusal` is the answer, empty when it was granted. What an engagement asks of the
+    autopilot takes a while: this is when it was answered."""
 
     t_mono_ns: int
     wish: Event
     refusal: str
+    by_switch: bool = False
+    """By the switch on the transmitter, not by a command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +35,14 @@ class CommandOutcome:
     t_mono_ns: int
     event: Event | None
     error: str
+
+
+@dataclass(frozen=True, slots=True)
+class BookState:
+    """How far each peer (by its id) had got when the service began."""
+
+    t_mono_ns: int
+    reached: Mapping[str, Reached]
 
 
 @dataclass(frozen=True, slots=True)

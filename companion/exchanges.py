@@ -15,6 +15,7 @@ from companion.recordings import KNOWN_TRANSMITTERS
 from csi_bridge.clock import host_times_s
 from csi_bridge.dat import CsiLog, DatFileError, read_dat
 from wsr.channel import centre_channel, pair_by_counter, pair_by_time, strongest_antenna
+from wsr.reduced import as_sent
 
 UNPAIRED: Final = "unpaired"
 DUPLICATE: Final = "duplicate counter"
@@ -51,7 +52,8 @@ class Exchanges:
     channel: npt.NDArray[np.complex128]
     """(K,) product of the channels of both directions at the channel centre: oscillator offsets cancel in it."""
     forward: npt.NDArray[np.complex64]
-    """(K, 30) channel at the receiving robot, `reverse` at the transmitter."""
+    """(K, 30) channel at the receiving robot, `reverse` at the transmitter as its datagrams would have brought it: what
+    a recording gives is what the flight would have given (docs/wire.md)."""
     reverse: npt.NDArray[np.complex64]
     nic_us: npt.NDArray[np.float64]
     """(K, 2) unwrapped stamps of both cards, the receiving robot's first."""
@@ -135,7 +137,7 @@ def join(rx: CsiLog, tx: CsiLog, mac: str) -> Exchanges:
         raise ExchangeError(f"{rx.path.name} and {tx.path.name} have no exchange in common: {why}")
     t_s = host_times_s(rx.timestamp_low_us, rx.host_time_s)[ours[i]]
     _check_same_run(rx, t_s, tx, host_times_s(tx.timestamp_low_us, tx.host_time_s)[theirs[j]])
-    forward, reverse = _strongest(rx, ours, i), _strongest(tx, theirs, j)
+    forward, reverse = _strongest(rx, ours, i), as_sent(_strongest(tx, theirs, j))
     centre_forward, centre_reverse = centre_channel(forward), centre_channel(reverse)
     strong = (np.abs(centre_forward) >= _WEAK_COUNTS) & (np.abs(centre_reverse) >= _WEAK_COUNTS)
     stamps_us = np.stack([rx.timestamp_low_us[ours[i]], tx.timestamp_low_us[theirs[j]]], axis=1).astype(np.float64)

@@ -2,59 +2,58 @@
 
 from __future__ import annotations
 
-import asyncio
-import functools
 import logging
 import math
-from collections.abc import Coroutine
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 from companion import mission
-from companion.approach import Approach
-from companion.autopilot.port import Autopilot, AutopilotError, GaveWayError
-from companion.clock import NS_PER_S, Ticker
+from companion.approach import Approach, as_velocity
+from companion.autopilot.port import Autopilot, AutopilotError
+from companion.clock import NS_PER_S, Clock, Ticker
 from companion.conditions import ConditionLimits, Situation, conditions
 from companion.config import Config
+from companion.engagement import Engagement
 from companion.event_clock import EventClock
 from companion.events import CommandOutcome, Tick, Wish
-from companion.gate import Gate, GateLimits
-from companion.messages import FlightMode, VehicleState
+from companion.flight_commands import FlightCommands, MakeCommands
+from companion.flight_log import GateReport, MissionStep, ObservedSetpoint
+from companion.gate import Gate, GateLimits, Reason
+from companion.messages import FlightMode, Setpoint, VehicleState
 from companion.mission import Action, Event, State
+from companion.neighbours import Neighbour
 from companion.node import Node
+from companion.observe import Observer, SilentAutopilot, would_be_setpoint
+from companion.rc_switch import RcSwitch
 from companion.recorder import Recorder
 from companion.sar import ApertureRecord, Iteration, SarIterations
-from companion.streams import APERTURE, BEARING, COMMAND, GATE, MISSION, PROFILE, SETPOINT, TARGET, TICK, WISH
-from companion.tracker import Bearing, Target, TargetReport, TargetTracker
-from companion.vehicle_commands import Commands
+from companion.streams import (
+    APERTURE,
+    AUTOPILOT_EVENT,
+    BEARING,
+    COMMAND,
+    END,
+    GATE,
+    MISSION,
+    OBSERVED,
+    PROFILE,
+    SETPOINT,
+    TARGET,
+    TICK,
+    WISH,
+)
+from companion.surroundings import Surroundings
+from companion.targets import Targets
+from companion.tracker import Bearing, Target, TargetReport
 
 _log = logging.getLogger(__name__)
 _RATE_HZ = 20.0
-_WARM_UP_S = 1.0  # PX4 wants a running stream before it lets anybody into OFFBOARD
-_LEAVE_S = 0.5
 _WISHES = frozenset({Event.ENGAGE})
 _AT_REST = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
 _SEARCH_TURN_RAD = math.radians(120.0)
-
-
-@dataclass(frozen=True, slots=True)
-class MissionStep:
-    """One transition of the mission, for the log."""
-
-    t_mono_ns: int
-    state: State
-    event: Event
-    next_state: State
-    actions: tuple[Action, ...]
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class GateReport:
-    """A change of what the gate says, for the log: the reasons now, none when set points pass again."""
-
-    t_mono_ns: int
-    reasons: tuple[str, ...]
+_LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
+_BEARING_LATE_S = 1.5
 
 
 class Flight:
@@ -63,35 +62,46 @@ class Flight:
     def __init__(
         self,
         config: Config,
-        clock: EventClock,
+        clock: Clock,
         node: Node,
         autopilot: Autopilot,
-        commands: Commands,
         sar: SarIterations,
         recorder: Recorder,
+        make_commands: MakeCommands = FlightCommands,
+        look: Callable[[], Surroundings] | None = None,
     ) -> None:
+        """A replay runs no commands and gives a `look` of its own at what was around."""
+        assert config.autopilot is not None
         self._config = config
-        self._clock = clock
+        self._clock = clock = EventClock.over(clock)
         self._node = node
-        self._autopilot = autopilot
+        self._observes = config.mission.control == "observe"
+        self._autopilot: Autopilot = SilentAutopilot(autopilot) if self._observes else autopilot
         self._sar = sar
         self._recorder = recorder
         self._gate = Gate(GateLimits(**asdict(config.gate)))
         self._approach = Approach(sar, config.mission, config.aperture.length_m, config.aperture.settle_s)
-        self._tracker = TargetTracker()
+        self._observer = Observer(sar, config.aperture)
+        self._targets = Targets(node.receiver.neighbours, config.target)
         self._limits = ConditionLimits(
+            config.pose.stale_s,
             config.pose.lost_s,
             config.aperture.silent_s,
             config.aperture.blind_legs,
             config.mission.min_battery,
             config.mission.limit_s,
+            config.mission.hold_limit_s,
+            frozenset({_LEAVE_MODES[config.mission.leave]}),
         )
         self._ticker = Ticker(clock, _RATE_HZ)
+        self._engagement = Engagement(config, clock, node, self._autopilot, sar, recorder, look)
+        self._commands = make_commands(self._autopilot, clock, self._report)
+        channel = config.autopilot.engage_rc_channel
+        self._switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
         self.state = State.IDLE
         self._state_ns = clock.now_ns()
         self._reason = ""
         self._pending: list[Event] = []
-        self._commands = commands
         self._streaming = False
         self._took_off = False
         self._refusals: tuple[str, ...] = ()
@@ -103,58 +113,52 @@ class Flight:
         self._stream_ns: int | None = None
         """The stream's last tick; None while there is none."""
         self._iteration: Iteration | None = None
-        self._target: Target | None = None
 
     async def run(self) -> None:
-        """Ticks until cancelled. However it ends, the vehicle is left in Hold if the stream was flying it."""
+        """Ticks until cancelled. However it ends, the vehicle is left in Hold if we were flying it."""
         async with self._commands:
             try:
                 async for now_ns in self._ticker.ticks():
                     self.tick(now_ns)
             finally:
-                if self._streaming:
-                    self._streaming = False
-                    await self._leave_at_end()
+                await self._leave_at_end()
 
     def is_ticking(self) -> bool:
         """Whether the loop has ticked within the last second."""
         return self._age_s(self._tick_ns) < 1.0
 
-    def wish(self, event: Event) -> str:
-        """A person's `engage` or `abort`. Returns why it is refused, or nothing; it takes effect at the next tick."""
-        with self._clock.event() as now_ns:
-            refusal = self._refusal(event)
-            self._recorder.record(WISH, now_ns, Wish(now_ns, event, refusal))
-            if not refusal:
-                self._pending.append(event)
-            return refusal
+    async def engage(self) -> str:
+        """A person's wish to hand over the vehicle. Returns the whole list of what stands against it, or nothing; then
+        it takes effect at the next tick."""
+        return self.take_wish(Event.ENGAGE, await self._engage_refusal())
 
-    def _refusal(self, event: Event) -> str:
-        if event is Event.ENGAGE:
-            if self.state not in (State.IDLE, State.LATCHED):
-                return f"the mission is {self.state} already"
-            return "; ".join(self.not_ready())
-        return ""
+    def abort(self) -> None:
+        """A person's wish to end the flight; it takes effect at the next tick."""
+        self.take_wish(Event.ABORT, "")
+
+    def take_wish(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
+        """A wish has been answered; a granted one takes effect at the next tick."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(WISH, now_ns, Wish(now_ns, wish, refusal, by_switch))
+            if not refusal:
+                self._pending.append(wish)
+            elif by_switch:
+                self._reason = f"the switch did not engage: {refusal}"
+                _log.warning(self._reason)
+        return refusal
+
+    async def _engage_refusal(self) -> str:
+        if self.state not in (State.IDLE, State.LATCHED):
+            return f"the mission is {self.state} already"
+        return "; ".join(self.not_ready() + await self._engagement.parameter_problems())
 
     def not_ready(self) -> list[str]:
-        """What is missing for an engagement, in words."""
-        vehicle = self._autopilot.state()
-        silent_s, battery = self._config.aperture.silent_s, vehicle.battery_remaining
-        checks = {
-            "no heartbeat of the autopilot": vehicle.heartbeat_mono_ns is None,
-            "the autopilot has no local position": vehicle.p_local_enu_m is None,
-            "no fresh poses": self._node.pose_age_s() > self._config.pose.stale_s,
-            "the battery is low": battery is not None and battery < self._config.mission.min_battery,
-            "the autopilot is in a failsafe": vehicle.failsafe,
-            "no datagrams of the target": self._datagram_age_s() > silent_s,
-            "no packets of the target": self._age_s(self._packet_ns) > silent_s,
-            "the AOA worker is not ready": not self._sar.is_ready,
-        }
-        return [reason for reason, is_missing in checks.items() if is_missing]
+        """What is missing for an engagement, in words, but for the autopilot's parameters, which must be asked for."""
+        return self._engagement.not_ready(self._age_s(self._packet_ns), self._datagram_age_s())
 
     def status(self) -> dict[str, Any]:
         """For a person: what is going on, angles in degrees."""
-        iteration, target = self._iteration, self._target
+        iteration, target = self._iteration, self._targets.target
         bearing = None
         if iteration is not None and iteration.estimate is not None:
             estimate = iteration.estimate
@@ -163,17 +167,33 @@ class Flight:
                 "elevation_deg": math.degrees(estimate.polar_rad),
                 "reliability": estimate.reliability,
                 "iteration": iteration.number,
+                "reference_ns": iteration.reference_ns,
             }
         return {
             "state": self.state,
+            "control": self._config.mission.control,
             "reason": self._reason,
             "not_ready": self.not_ready(),
             "packets": self._packets,
             "path_m": self._sar.path_length_m(),
             "bearing": bearing,
+            "bearing_stale": self._bearing_stale(),
             "target_range_m": target.range_m if target is not None and math.isfinite(target.range_m) else None,
             "streaming": self._streaming,
+            "vehicle": self._vehicle(),
             "overruns": self._ticker.overruns,
+        }
+
+    def _vehicle(self) -> dict[str, Any]:
+        state = self._autopilot.state()
+        return {
+            "mode": state.mode,
+            "armed": state.armed,
+            "in_air": state.in_air,
+            "p_local_enu_m": state.p_local_enu_m,
+            "v_local_enu_m_s": state.v_local_enu_m_s,
+            "yaw_enu_rad": state.yaw_enu_rad,
+            "battery": state.battery_remaining,
         }
 
     def heard(self, peer: int, t_mono_ns: int) -> None:
@@ -191,18 +211,24 @@ class Flight:
         self._recorder.record(BEARING, iteration.reference_ns, iteration)
         if profile:
             self._recorder.record(PROFILE, iteration.reference_ns, profile)
-        if iteration.peer != self._config.target:
-            return
+        bearing, estimate = iteration.bearing(), iteration.estimate
+        steers = bearing is not None and estimate is not None
+        steers = steers and estimate.reliability >= self._config.aperture.min_reliability  # type: ignore[union-attr]
+        if steers:
+            assert bearing is not None
+            report = _target_report(iteration, bearing, self._targets.add(iteration.peer, bearing))
+            self._recorder.record(TARGET, bearing.t_mono_ns, report)
+        if iteration.peer == self._config.target:
+            self._note_iteration(iteration, steers)
+
+    def _note_iteration(self, iteration: Iteration, steers: bool) -> None:
         self._packets = 0
         self._blind_legs += 1
         if iteration.estimate is None:
             _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
             return
         self._iteration = iteration
-        bearing = iteration.bearing()
-        if bearing is not None and iteration.estimate.reliability >= self._config.aperture.min_reliability:
-            self._target = self._tracker.add(bearing)
-            self._recorder.record(TARGET, bearing.t_mono_ns, _target_report(iteration, bearing, self._target))
+        if steers:
             self._blind_legs = self._tries = 0
             self._pending.append(Event.BEARING)
 
@@ -212,18 +238,46 @@ class Flight:
             self._recorder.record(TICK, now_ns, Tick(now_ns))
             self._turn(now_ns)
 
+    def end(self) -> bool:
+        """The loop ends, because the service is stopped or because any of its parts has failed. Whether we flew."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(END, now_ns, Tick(now_ns))
+            flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
+            before, self._streaming = self.state, False
+            self.state, actions = mission.step(before, Event.TASK_FAILED)
+            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, "the service ends")
+            self._recorder.record(MISSION, now_ns, step)
+            return flying
+
     def _turn(self, now_ns: int) -> None:
         self._tick_ns = now_ns
         vehicle = self._autopilot.state()
+        for event in self._autopilot.take_events():
+            self._recorder.record(AUTOPILOT_EVENT, event.t_mono_ns, event)
         if vehicle.p_local_enu_m is not None and vehicle.position_mono_ns is not None:
             self._sar.add_local_position(vehicle.position_mono_ns, vehicle.p_local_enu_m)
+        if vehicle.yaw_enu_rad is not None and self._age_s(vehicle.position_mono_ns) < 0.5:
+            self._node.intake.add_heading(now_ns, vehicle.yaw_enu_rad)
         self._took_off |= self.state is State.TAKING_OFF and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
-        event = self._worst_event(vehicle, now_ns)
-        if event is not None:
-            self._step(event, vehicle, now_ns)
+        self._watch_switch(vehicle)
+        worst = self._worst_event(vehicle, now_ns)
+        if worst is not None:
+            self._step(worst, vehicle, now_ns)
         if self._streaming:
             self._send_setpoint(vehicle, now_ns)
+        elif self._observes:
+            self._observe(vehicle, now_ns)
         self._stream_ns = now_ns if self._streaming else None
+
+    def _watch_switch(self, vehicle: VehicleState) -> None:
+        wish = self._switch.update(vehicle.rc_us) if self._switch is not None else None
+        if wish is Event.ENGAGE:
+            self._commands.beside(self._engage_by_switch(), "engage by switch")
+        elif wish is not None:
+            self._pending.append(wish)
+
+    async def _engage_by_switch(self) -> None:
+        self.take_wish(Event.ENGAGE, await self._engage_refusal(), by_switch=True)
 
     def _worst_event(self, vehicle: VehicleState, now_ns: int) -> Event | None:
         """The worst that holds now or was reported. A report that has no meaning in this state is dropped; one that
@@ -234,27 +288,20 @@ class Flight:
         return event
 
     def _situation(self, vehicle: VehicleState, now_ns: int) -> Situation:
+        p_m = vehicle.p_local_enu_m
         return Situation(
             vehicle=vehicle,
             now_ns=now_ns,
             in_state_s=(now_ns - self._state_ns) / NS_PER_S,
             took_off=self._took_off,
             pose_age_s=self._node.pose_age_s(),
+            pose_failed=self._node.intake.is_lost(),
             target_age_s=max(self._age_s(self._packet_ns), self._datagram_age_s()),
             blind_legs=self._blind_legs,
             tries=self._tries,
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
-            target_near=self._is_near(vehicle),
+            target_near=p_m is not None and self._targets.is_near(p_m, self._config.mission.arrival_range_m),
         )
-
-    def _is_near(self, vehicle: VehicleState) -> bool:
-        """Whether the target, where its newest datagram says it has come to, is within the range of arrival."""
-        target = self._target
-        newest = self._node.receiver.neighbours[self._config.target].newest_pose()
-        if target is None or newest is None or vehicle.p_local_enu_m is None or newest[0] != target.boot:
-            return False
-        range_m = target.range_from(vehicle.p_local_enu_m, newest[1])
-        return range_m + 2 * target.range_std_m < self._config.mission.arrival_range_m
 
     def _step(self, event: Event, vehicle: VehicleState, now_ns: int) -> None:
         before = self.state
@@ -275,43 +322,64 @@ class Flight:
             self._act(action, vehicle)
 
     def _act(self, action: Action, vehicle: VehicleState) -> None:
+        commands, config = self._commands, self._config.mission
         match action:
             case Action.RUN_PREFLIGHT:
                 self._took_off = vehicle.in_air
-                self._tracker, self._target = TargetTracker(), None
+                self._targets.forget()
                 self._blind_legs = self._tries = 0
-                missing = self.not_ready()
-                self._reason = "; ".join(missing)
-                self._pending.append(Event.PREFLIGHT_FAILED if missing else Event.PREFLIGHT_PASSED)
+                self._check_again()
             case Action.ARM_AND_TAKE_OFF:
-                self._start(self._take_off(), Event.AIRBORNE, Event.TAKEOFF_FAILED)
+                commands.start(commands.take_off(config.takeoff_height_m), Event.AIRBORNE, Event.TAKEOFF_FAILED)
             case Action.STREAM_START:
                 assert vehicle.p_local_enu_m is not None
                 self._approach.start(vehicle.p_local_enu_m, vehicle.yaw_enu_rad or 0.0)
                 self._streaming = True
             case Action.REQUEST_OFFBOARD:
-                self._start(self._enter_offboard(), Event.OFFBOARD_CONFIRMED, Event.OFFBOARD_REFUSED)
+                commands.start(commands.enter_offboard(), Event.OFFBOARD_CONFIRMED, Event.OFFBOARD_REFUSED)
             case Action.STREAM_STOP:
                 self._streaming = False
                 self._sar.start_ns = None
-                self._commands.cancel()
+                commands.cancel()
             case Action.LEAVE_TO_HOLD:
-                self._start(self._hold_or_land(), None, None)
+                commands.start(commands.hold())
             case Action.LAND:
-                self._start(self._autopilot.land(), None, None)
+                commands.start(commands.land())
+            case Action.LEAVE_AT_TARGET:
+                leave = {"hold": commands.hold, "land": commands.land, "return": commands.return_home}
+                commands.start(leave[config.leave]())
+            case Action.LEAVE_WITHOUT_TARGET:
+                commands.start(commands.return_home() if config.lost_target == "return" else commands.land())
+
+    def _check_again(self) -> None:
+        """The tick's own look at what `engage` has looked at, a moment later and with the parameters it has read."""
+        missing = self.not_ready()
+        if not self._engagement.parameters_checked:
+            missing.append("the autopilot's parameters were not checked")
+        self._reason = "; ".join(missing)
+        self._pending.append(Event.PREFLIGHT_FAILED if missing else Event.PREFLIGHT_PASSED)
 
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
         setpoint = self._approach.setpoint(now_ns, self._azimuth_rad(vehicle), moving)
+        if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
+            setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
-        verdict = self._gate.check(setpoint, vehicle, now_ns, ours)
+        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places())
         if verdict.reasons != self._refusals:
             self._note_refusal(verdict.reasons, vehicle, now_ns)
         if verdict.setpoint is not None:
-            self._autopilot.send_setpoint(verdict.setpoint)
-            self._recorder.record(SETPOINT, now_ns, verdict.setpoint)
+            self._send(verdict.setpoint)
 
-    def _note_refusal(self, reasons: tuple[str, ...], vehicle: VehicleState, now_ns: int) -> None:
+    def _send(self, setpoint: Setpoint) -> None:
+        try:
+            self._autopilot.send_setpoint(setpoint)
+        except AutopilotError as error:
+            self._report(Event.LINK_LOST, str(error))
+            return
+        self._recorder.record(SETPOINT, setpoint.t_mono_ns, setpoint)
+
+    def _note_refusal(self, reasons: tuple[Reason, ...], vehicle: VehicleState, now_ns: int) -> None:
         """The path has left what the gate allows: the leg is given up, and the next begins where the vehicle is."""
         if reasons and not self._refusals:
             self._reason = f"gate: {'; '.join(reasons)}"
@@ -320,63 +388,59 @@ class Flight:
             self._sar.start_ns = None
             if vehicle.p_local_enu_m is not None:
                 self._approach.start(vehicle.p_local_enu_m, vehicle.yaw_enu_rad or 0.0)
+            if Reason.NEIGHBOUR in reasons and self._is_target_nearest(vehicle):
+                self._pending.append(Event.TARGET_REACHED)  # as near as anything may come to it
         self._refusals = reasons
         self._recorder.record(GATE, now_ns, GateReport(now_ns, reasons))
 
+    def _is_target_nearest(self, vehicle: VehicleState) -> bool:
+        assert vehicle.p_local_enu_m is not None  # or the gate would have had no position
+        return self._targets.is_nearest(vehicle.p_local_enu_m)
+
+    def _observe(self, vehicle: VehicleState, now_ns: int) -> None:
+        self._observer.tick(now_ns)
+        target = self._targets.target
+        if target is None or vehicle.p_local_enu_m is None:
+            return
+        wanted = would_be_setpoint(now_ns, vehicle.p_local_enu_m, target.azimuth_rad, self._config.mission)
+        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places())
+        self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
+
     def _azimuth_rad(self, vehicle: VehicleState) -> float:
         """Where the next leg goes: to the target, or into a new direction each time while nothing is known of it."""
-        if self._target is not None:
-            return self._target.azimuth_rad
+        target = self._targets.target
+        if target is not None:
+            return target.azimuth_rad
         return (vehicle.yaw_enu_rad or 0.0) + _SEARCH_TURN_RAD * self._blind_legs
 
-    async def _take_off(self) -> None:
-        if not self._autopilot.state().in_air:
-            await self._autopilot.arm()
-        await self._autopilot.takeoff(self._config.mission.takeoff_height_m)
-
-    async def _enter_offboard(self) -> None:
-        await self._clock.sleep_until_ns(self._clock.now_ns() + round(_WARM_UP_S * NS_PER_S))
-        await self._autopilot.request_offboard()
-
-    def _start(self, command: Coroutine[Any, Any, None], done: Event | None, failed: Event | None) -> None:
-        """Runs one command to the autopilot beside the loop; a newer command replaces an older one."""
-        self._commands.start(command, functools.partial(self._take_outcome, done, failed))
-
-    def _take_outcome(self, done: Event | None, failed: Event | None, error: AutopilotError | None) -> None:
-        event = done if error is None else failed
+    def _report(self, event: Event | None, reason: str) -> None:
+        """What a command ended in, and why it failed."""
         with self._clock.event() as now_ns:
-            self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, "" if error is None else str(error)))
-            if error is not None:
-                _log.error("%s", error)
-                self._reason = str(error)
+            self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, reason))
+            self._reason = reason or self._reason
             if event is not None:
                 self._pending.append(event)
 
-    async def _hold_or_land(self) -> None:
-        try:
-            await self._autopilot.hold()
-        except GaveWayError:
-            raise
-        except AutopilotError as error:
-            _log.error("%s; landing instead", error)  # hold needs a position, landing does not
-            await self._autopilot.land()
-
     async def _leave_at_end(self) -> None:
-        self._commands.cancel()
-        try:
-            async with asyncio.timeout(_LEAVE_S):
-                await self._hold_or_land()
-        except (AutopilotError, TimeoutError):
-            _log.error("Hold was commanded but not confirmed; the autopilot's loss-of-stream failsafe takes over")
+        if self.end():
+            await self._commands.leave_at_end()
+
+    def _bearing_stale(self) -> bool:
+        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs."""
+        if self._iteration is None:
+            return True
+        silent = max(self._age_s(self._packet_ns), self._datagram_age_s()) > self._config.aperture.silent_s
+        late = self._sar.waiting_s() > _BEARING_LATE_S
+        return silent or late or self._blind_legs >= self._config.aperture.blind_legs
 
     def _datagram_age_s(self) -> float:
-        return self._age_s(self._node.receiver.neighbours[self._config.target].heard_ns)
+        return self._age_s(self._target_neighbour().heard_ns)
+
+    def _target_neighbour(self) -> Neighbour:
+        return self._node.receiver.neighbours[self._config.target]
 
     def _age_s(self, t_ns: int | None) -> float:
         return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
-
-
-_FAILURES = frozenset({Event.PREFLIGHT_FAILED, Event.TAKEOFF_FAILED, Event.OFFBOARD_REFUSED})
 
 
 def _target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
@@ -384,4 +448,7 @@ def _target_report(iteration: Iteration, bearing: Bearing, target: Target) -> Ta
     if target.origin_local_enu_m is not None:
         x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
         place = (x, y, z)
-    return TargetReport(bearing.t_mono_ns, iteration.number, target, place)
+    return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)
+
+
+_FAILURES = frozenset({Event.PREFLIGHT_FAILED, Event.TAKEOFF_FAILED, Event.OFFBOARD_REFUSED})

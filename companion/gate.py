@@ -7,6 +7,7 @@ that was refused cannot make the next one pass or fail.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -30,6 +31,7 @@ class Reason(StrEnum):
     SPEED = "too fast"
     CLIMB = "climbs or sinks too fast"
     ACCELERATION = "asks for too much acceleration"
+    NEIGHBOUR = "too near to a neighbour"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,8 @@ class GateLimits:
     response_s: float = 0.5
     """Time the vehicle is given to reach the set point's velocity: the acceleration asked for is their ratio."""
     max_position_age_s: float = 0.5
+    min_neighbour_m: float = 1.0
+    """Least distance of a set point from where a neighbour is known to be, unless it leads away from there."""
 
     def __post_init__(self) -> None:
         if not all(low < high for low, high in zip(self.fence_min_m, self.fence_max_m, strict=True)):
@@ -76,6 +80,7 @@ _POSITIVE: Final = (
     "max_lead_m",
     "response_s",
     "max_position_age_s",
+    "min_neighbour_m",
 )
 
 
@@ -95,10 +100,18 @@ class Verdict:
 class Gate:
     limits: GateLimits
 
-    def check(self, setpoint: Setpoint, state: VehicleState, now_ns: int, mode_is_ours: bool) -> Verdict:
+    def check(
+        self,
+        setpoint: Setpoint,
+        state: VehicleState,
+        now_ns: int,
+        mode_is_ours: bool,
+        neighbours: Sequence[Vector3] = (),
+    ) -> Verdict:
         """Judge one set point.
 
         `mode_is_ours` is the caller's: true in OFFBOARD that we asked for, and while the stream warms up for it.
+        `neighbours` are the places (local frame, ENU axes) where other robots are known to be.
         A hold is the vehicle's present position at zero velocity. Without a usable position there is no hold to send:
         nothing goes out, and the autopilot's own loss-of-stream failsafe takes the vehicle.
         """
@@ -108,14 +121,19 @@ class Gate:
         if flown is None:
             return Verdict(None, (Reason.NO_POSITION,))
         p_m, v_m_s, yaw_rad = flown
-        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns)
+        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns, neighbours)
         return Verdict(Setpoint(now_ns, p_m, (0.0, 0.0, 0.0), yaw_rad) if reasons else setpoint, reasons)
 
-    def _reasons(self, setpoint: Setpoint, p_m: Vector3, v_m_s: Vector3, now_ns: int) -> tuple[Reason, ...]:
+    def _reasons(
+        self, setpoint: Setpoint, p_m: Vector3, v_m_s: Vector3, now_ns: int, neighbours: Sequence[Vector3]
+    ) -> tuple[Reason, ...]:
         if not setpoint.is_finite():
             return (Reason.NOT_FINITE,)
         limits = self.limits
-        wanted_p, wanted_v = setpoint.p_local_enu_m, setpoint.v_local_enu_m_s
+        wanted_v = setpoint.v_local_enu_m_s
+        wanted_p = (
+            _led_to(p_m, wanted_v, limits.response_s) if setpoint.p_local_enu_m is None else setpoint.p_local_enu_m
+        )
         inside = (
             low <= p <= high for low, p, high in zip(limits.fence_min_m, wanted_p, limits.fence_max_m, strict=True)
         )
@@ -128,8 +146,22 @@ class Gate:
             Reason.SPEED: math.hypot(wanted_v[0], wanted_v[1]) > limits.max_speed_m_s,
             Reason.CLIMB: abs(wanted_v[2]) > limits.max_climb_m_s,
             Reason.ACCELERATION: math.dist(wanted_v, v_m_s) > limits.max_acceleration_m_s2 * limits.response_s,
+            Reason.NEIGHBOUR: any(_closes_in(wanted_p, p_m, other, limits.min_neighbour_m) for other in neighbours),
         }
         return tuple(reason for reason, is_broken in broken.items() if is_broken)
+
+
+def _led_to(p_m: Vector3, v_m_s: Vector3, response_s: float) -> Vector3:
+    """Where a velocity alone will have taken the vehicle before it can be made to stop: judged as a position is."""
+    x, y, z = (p + v * response_s for p, v in zip(p_m, v_m_s, strict=True))
+    return x, y, z
+
+
+def _closes_in(wanted_m: Vector3, p_m: Vector3, other_m: Vector3, least_m: float) -> bool:
+    """Whether a set point lies too near to another robot. A vehicle that is too near already may stay or go away."""
+    distance_m = math.dist(wanted_m, other_m)
+    # Written so that a place that is not a number refuses.
+    return not (distance_m >= least_m or distance_m >= math.dist(p_m, other_m))
 
 
 def _flown(state: VehicleState, now_ns: int, max_age_s: float) -> tuple[Vector3, Vector3, float] | None:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
 
 class History:
-    """The newest `capacity` rows of `width` floats with their times [ns]. Appending is O(1); the oldest row goes first.
+    """The newest `capacity` rows of `width` numbers, floats unless said,
+    with their times [ns]. Appending is O(1); the oldest row goes first.
 
     Times must not go back: a row older than the newest is refused (`append` returns False) and counted.
     """
 
-    def __init__(self, capacity: int, width: int) -> None:
+    def __init__(self, capacity: int, width: int, dtype: npt.DTypeLike = np.float64) -> None:
         # Twice the capacity, so that a slice of the newest rows is always contiguous; moved once per `capacity` rows.
         self._t_ns = np.zeros(2 * capacity, np.int64)
-        self._rows = np.zeros((2 * capacity, width))
+        self._rows: npt.NDArray[Any] = np.zeros((2 * capacity, width), dtype)
         self._capacity = capacity
         self._end = 0
         self.refused = 0
@@ -34,7 +37,7 @@ class History:
         self._end += 1
         return True
 
-    def between(self, start_ns: int, end_ns: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    def between(self, start_ns: int, end_ns: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
         """Times (N,) and rows (N, width) from the last row at or before `start_ns` to the first at or after `end_ns`,
         so that both ends can be interpolated."""
         oldest = max(0, self._end - self._capacity)

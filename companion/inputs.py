@@ -1,35 +1,21 @@
-"""Where a node's inputs come from: the card, the camera, the radio link and the key files of a robot, or a log."""
+"""Where a node's inputs come from: the card, the camera, the radio link and the files of a robot, or a log."""
 
 from __future__ import annotations
 
-import asyncio
-import math
-from collections.abc import Callable
 from typing import Protocol
 
+from companion.boots import Book, BootBook
+from companion.clock import Clock
 from companion.config import Config
 from companion.errors import CompanionError
-from companion.messages import Pose
-from companion.neighbours import open_link, read_key
-from companion.pose.source import PoseSource
+from companion.keys import read_key
+from companion.pinger import Pinger, open_pinger
+from companion.pose.intake import PoseIntake
+from companion.pose.opening import open_poses
+from companion.pose.port import Poses, PoseSink
 from csi_bridge.netlink import NetlinkError, NetlinkSource
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixSocketError, UnixSource
-
-
-class PoseInput(Protocol):
-    """A non-blocking source of poses, for `loop.add_reader(source.fileno(), source.drain)`."""
-
-    received: int
-    malformed: int
-    not_finite: int
-
-    def fileno(self) -> int: ...
-
-    def drain(self) -> None:
-        """Hands over all poses that wait."""
-
-    def close(self) -> None: ...
 
 
 class Inputs(Protocol):
@@ -37,12 +23,15 @@ class Inputs(Protocol):
 
     def open_csi(self) -> CsiSource: ...
 
-    def open_poses(self, on_pose: Callable[[Pose], None]) -> PoseInput: ...
+    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
+        """The source of poses, bound to the intake; each pose goes to `sink`."""
+
+    def open_book(self) -> Book: ...
+
+    def open_pinger(self, clock: Clock) -> Pinger | None: ...
 
     def key(self, name: str) -> bytes:
         """The key in the file `name` of the configuration."""
-
-    async def open_link(self, on_datagram: Callable[[bytes], None]) -> asyncio.DatagramTransport: ...
 
 
 class LiveInputs:
@@ -60,12 +49,14 @@ class LiveInputs:
         except (NetlinkError, UnixSocketError) as error:
             raise CompanionError(f"csi.source {csi.source}: {error}") from None
 
-    def open_poses(self, on_pose: Callable[[Pose], None]) -> PoseInput:
-        pose = self._config.pose
-        return PoseSource(self._config.path(pose.socket), math.radians(pose.north_yaw_deg), on_pose)
+    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
+        return open_poses(self._config, clock, intake, sink)
+
+    def open_book(self) -> Book:
+        return BootBook(self._config.path(self._config.state_dir))
+
+    def open_pinger(self, clock: Clock) -> Pinger | None:
+        return open_pinger(self._config, clock)
 
     def key(self, name: str) -> bytes:
         return read_key(self._config.path(name))
-
-    async def open_link(self, on_datagram: Callable[[bytes], None]) -> asyncio.DatagramTransport:
-        return await open_link(self._config, on_datagram)

@@ -36,14 +36,14 @@ _POSE: Final = struct.Struct("<q3d4d3dB")
 
 
 def pose_bytes(pose: Pose) -> bytes:
-    """Little-endian, 89 bytes: i64 time [ns], 3 x f64 position, 4 x f64 quaternion w x y z, 3 x f64 velocity, u8
-    confidence. Exact, and cheap at 200 Hz."""
+    """For the log: 89 bytes, little-endian: i64 time [ns], 3 x f64 position, 4 x f64 quaternion w x y z, 3 x f64
+    velocity, u8 confidence. Exact, and cheap at 200 Hz."""
     return _POSE.pack(pose.t_mono_ns, *pose.p_enu_m, *pose.q_enu_from_body, *pose.v_enu_m_s, pose.confidence)
 
 
 def pose_of(data: bytes) -> Pose:
-    """The inverse of `pose_bytes`. Raises struct.error for another length."""
-    t_ns, x, y, z, qw, qx, qy, qz, vx, vy, vz, confidence = _POSE.unpack(data)
+    """The inverse of `pose_bytes`, whatever stands behind. Raises struct.error for too few bytes."""
+    t_ns, x, y, z, qw, qx, qy, qz, vx, vy, vz, confidence = _POSE.unpack_from(data)
     return Pose(t_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence)
 
 
@@ -83,16 +83,41 @@ class VehicleState:
     """Heading of the nose, counter-clockwise from East."""
     battery_remaining: float | None = None
     """0..1."""
+    estimator_mono_ns: int | None = None
+    """When the estimator last told of itself."""
+    estimator_healthy: bool = False
+    """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS)."""
+    timesync_mono_ns: int | None = None
+    """When the autopilot last took part in TIMESYNC."""
+    rc_mono_ns: int | None = None
+    rc_us: tuple[int, ...] = ()
+    """Pulse widths of the RC channels, first to last; empty without RC."""
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotEvent:
+    """Something the autopilot said (STATUSTEXT or EVENT)."""
+
+    t_mono_ns: int
+    severity: int
+    """0 emergency .. 7 debug, as in syslog."""
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """One position set point with velocity feed-forward, in the autopilot's local frame with ENU axes."""
+    """One set point in the autopilot's local frame with ENU axes.
+
+    With a position the velocity feeds it forward; without one (None) the velocity alone is flown. Without a yaw (None)
+    the autopilot keeps its heading.
+    """
 
     t_mono_ns: int
-    p_local_enu_m: Vector3
+    p_local_enu_m: Vector3 | None
     v_local_enu_m_s: Vector3
-    yaw_enu_rad: float
+    yaw_enu_rad: float | None
 
     def is_finite(self) -> bool:
-        return all(map(math.isfinite, (*self.p_local_enu_m, *self.v_local_enu_m_s, self.yaw_enu_rad)))
+        position = self.p_local_enu_m or ()
+        yaw = () if self.yaw_enu_rad is None else (self.yaw_enu_rad,)
+        return all(map(math.isfinite, (*position, *self.v_local_enu_m_s, *yaw)))

@@ -22,8 +22,9 @@ class State(StrEnum):
     ARRIVED = "arrived"
     """At the target, in the autopilot's own hold."""
     HOLDING = "holding"
-    """In OFFBOARD, standing still: the target is silent, or leg after leg gave no bearing."""
+    """In OFFBOARD, standing still: the target is silent, our poses are, or leg after leg gave no bearing."""
     LANDING = "landing"
+    """The autopilot brings it down by itself, here or after its own return."""
     LATCHED = "latched"
     """Hands off until a person engages again."""
     FAULT = "fault"
@@ -42,6 +43,7 @@ class Event(StrEnum):
     """No word of the autopilot's mode."""
     ABORT = "abort"
     POSE_LOST = "pose_lost"
+    """The tracker shows that it has failed, or has been silent for longer than it ever needs to come back."""
     BATTERY_LOW = "battery_low"
     OFFBOARD_REFUSED = "offboard_refused"
     TAKEOFF_FAILED = "takeoff_failed"
@@ -49,7 +51,10 @@ class Event(StrEnum):
     LANDED = "landed"
     TIMEOUT = "timeout"
     """The state has lasted longer than its limit."""
+    POSE_STALE = "pose_stale"
+    """No poses for longer than an aperture survives."""
     BEARING_STALE = "bearing_stale"
+    """The target is silent, or leg after leg gave no bearing."""
     TARGET_REACHED = "target_reached"
     PREFLIGHT_PASSED = "preflight_passed"
     AIRBORNE = "airborne"
@@ -71,6 +76,10 @@ class Action(StrEnum):
     REQUEST_OFFBOARD = "request_offboard"
     STREAM_STOP = "stream_stop"
     LEAVE_TO_HOLD = "leave_to_hold"
+    LEAVE_AT_TARGET = "leave_at_target"
+    """Hold, land or return, as mission.leave says."""
+    LEAVE_WITHOUT_TARGET = "leave_without_target"
+    """Return or land, as mission.lost_target says."""
     LAND = "land"
 
 
@@ -78,6 +87,7 @@ Step = tuple[State, tuple[Action, ...]]
 
 _S, _E, _A = State, Event, Action
 _LEAVE: Final = (_A.STREAM_STOP, _A.LEAVE_TO_HOLD)
+_AT_TARGET: Final = (_A.STREAM_STOP, _A.LEAVE_AT_TARGET)
 _DOWN: Final = (_A.STREAM_STOP, _A.LAND)
 _STREAMING: Final = (_S.ACQUIRING, _S.APPROACHING, _S.HOLDING)
 
@@ -114,15 +124,18 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.TAKING_OFF, _E.OFFBOARD_REFUSED): (_S.LATCHED, _LEAVE),
     (_S.TAKING_OFF, _E.OFFBOARD_CONFIRMED): (_S.ACQUIRING, ()),
     **{(state, event): step for state in _STREAMING for event, step in _COMMON.items()},
+    (_S.ACQUIRING, _E.POSE_STALE): (_S.HOLDING, ()),
     (_S.ACQUIRING, _E.BEARING_STALE): (_S.HOLDING, ()),
     (_S.ACQUIRING, _E.BEARING): (_S.APPROACHING, ()),
     (_S.ACQUIRING, _E.BEARING_BACK): (_S.APPROACHING, ()),
-    (_S.ACQUIRING, _E.TARGET_REACHED): (_S.ARRIVED, _LEAVE),
+    (_S.ACQUIRING, _E.TARGET_REACHED): (_S.ARRIVED, _AT_TARGET),
+    (_S.APPROACHING, _E.POSE_STALE): (_S.HOLDING, ()),
     (_S.APPROACHING, _E.BEARING_STALE): (_S.HOLDING, ()),
-    (_S.APPROACHING, _E.TARGET_REACHED): (_S.ARRIVED, _LEAVE),
+    (_S.APPROACHING, _E.TARGET_REACHED): (_S.ARRIVED, _AT_TARGET),
     (_S.HOLDING, _E.BEARING): (_S.APPROACHING, ()),
     (_S.HOLDING, _E.BEARING_BACK): (_S.APPROACHING, ()),
-    (_S.HOLDING, _E.TARGET_REACHED): (_S.ARRIVED, _LEAVE),
+    (_S.HOLDING, _E.TARGET_REACHED): (_S.ARRIVED, _AT_TARGET),
+    (_S.HOLDING, _E.TIMEOUT): (_S.LANDING, (_A.STREAM_STOP, _A.LEAVE_WITHOUT_TARGET)),
     (_S.ARRIVED, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.ARRIVED, _E.MODE_LOST): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.LINK_LOST): (_S.LATCHED, ()),

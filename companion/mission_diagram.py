@@ -1,4 +1,7 @@
-"""The mission table as it stands in docs/safety.md; `python -m companion.mission_diagram docs/safety.md` renews it."""
+"""The generated parts of docs/safety.md: mission, faults and required parameters.
+
+`python -m companion.mission_diagram docs/safety.md` renews them.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,11 @@ from pathlib import Path
 from typing import Final
 
 from companion.errors import CompanionError
+from companion.fault_table import FAULTS
 from companion.mission import TABLE, Event, State, step
+from companion.preflight import REQUIREMENTS
 
-BEGIN: Final = "<!-- generated: mission -->"
-END: Final = "<!-- end of generated: mission -->"
+PARTS: Final = ("mission", "faults", "parameters")
 
 
 def mermaid() -> str:
@@ -33,12 +37,48 @@ def table_markdown() -> str:
 
 
 def renewed(document: str) -> str:
-    """The document with its generated part replaced. Raises CompanionError when the two markers are missing."""
-    before, begin, rest = document.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise CompanionError(f"the document lacks the lines {BEGIN} and {END} around its generated part")
-    return f"{before}{BEGIN}\n\n```mermaid\n{mermaid()}\n```\n\n{table_markdown()}\n\n{END}{after}"
+    """The document with its generated parts replaced. Raises CompanionError when the markers of one are missing."""
+    texts = {
+        "mission": f"```mermaid\n{mermaid()}\n```\n\n{table_markdown()}",
+        "faults": faults_markdown(),
+        "parameters": parameters_markdown(),
+    }
+    for part in PARTS:
+        begin, end = f"<!-- generated: {part} -->", f"<!-- end of generated: {part} -->"
+        before, found, rest = document.partition(begin)
+        _, closed, after = rest.partition(end)
+        if not found or not closed:
+            raise CompanionError(f"the document lacks the lines {begin} and {end} around its generated part")
+        document = f"{before}{begin}\n\n{texts[part]}\n\n{end}{after}"
+    return document
+
+
+def faults_markdown() -> str:
+    """One row per fault in order of severity: detection, what each state does about it, and what clears it."""
+    rows = [["fault", "noticed within", "by", "action", "cleared by"], ["---"] * 5]
+    for event in Event:
+        if event in FAULTS:
+            fault = FAULTS[event]
+            rows.append([event.value, fault.within, fault.noticed_by, _actions(event), fault.cleared_by])
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def parameters_markdown() -> str:
+    """One row per required parameter of PX4."""
+    rows = [["parameter", "needed", "wanted", "why"], ["---"] * 4]
+    rows += [[r.name, r.needed.value, r.wanted, r.why] for r in REQUIREMENTS]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _actions(event: Event) -> str:
+    """What happens, with the states in which it does; states that do the same stand together."""
+    states: dict[str, list[str]] = {}
+    for state in State:
+        if (state, event) in TABLE:
+            target, actions = step(state, event)
+            what = ", ".join(actions) or "nothing is sent"
+            states.setdefault(f"{what}; then {target}", []).append(state.value)
+    return "; ".join(f"{what} (in {', '.join(names)})" for what, names in states.items())
 
 
 def _cells(event: Event) -> Iterator[str]:

@@ -1,41 +1,58 @@
-"""What the neighbours broadcast: who is there, their poses, and the reverse channels they measured."""
+"""What the neighbours broadcast: who is there and how far to trust it, their poses and the channels they measured."""
 
 from __future__ import annotations
 
-import asyncio
-import secrets
-import socket
-import stat
+import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TypeVar
+from enum import StrEnum
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from companion import wire
+from companion.boots import Book
 from companion.clock import NS_PER_S, Clock
-from companion.config import Config
-from companion.errors import CompanionError, ConfigError
+from companion.clock_relation import ClockRelation, Offset
+from companion.pairing import Pairing
+from companion.session import Session, Verdict
 
+_log = logging.getLogger(__name__)
 _Scalar = TypeVar("_Scalar", bound=np.generic)
-_KEPT_DATAGRAMS = 400  # 40 s at 10 Hz: longer than any aperture takes
+_KEPT_DATAGRAMS: Final = 400  # 40 s at 10 Hz: longer than any aperture takes
+_STALE_NS: Final = 2 * NS_PER_S
+_LOST_NS: Final = 10 * NS_PER_S
+_MAX_SPEED_M_S: Final = 20.0
+_JUMP_M: Final = 0.5  # what a tracker's correction may move a pose at once
+_SETTLED: Final = 5
 
 
-def read_key(path: Path) -> bytes:
-    """The secret bytes in `path`. Raises ConfigError when it is missing, short, or readable by others."""
-    try:
-        mode = path.stat().st_mode
-        key = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read the key: {error.strerror}") from None
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(f"{path}: the key must be readable by its owner only: chmod 600 {path}")
-    if len(key) < wire.MIN_KEY_BYTES:
-        raise ConfigError(f"{path}: {len(key)} bytes of key, expected at least {wire.MIN_KEY_BYTES}")
-    return key
+class Standing(StrEnum):
+    """What a neighbour is to us now."""
+
+    UNHEARD = "unheard"
+    DISCOVERED = "discovered"
+    """Authentic datagrams, but its clock is not related to ours: no exchanges are shared."""
+    TRACKED = "tracked"
+    STALE = "stale"
+    """Nothing accepted for two seconds."""
+    LOST = "lost"
+    """Nothing accepted for ten seconds."""
+    REFUSED = "refused"
+    """What arrives in its name is not accepted; `refusal` says why."""
+
+
+@dataclass(slots=True)
+class Refusals:
+    """Datagrams in a neighbour's name that were not accepted, by reason."""
+
+    bad_key: int = 0
+    malformed: int = 0
+    replay: int = 0
+    duplicate_identity: int = 0
+    impossible_jump: int = 0
 
 
 @dataclass(slots=True)
@@ -44,23 +61,61 @@ class Neighbour:
 
     id: int
     name: str
-    boot_id: int | None = None
-    counter: int = -1
+    session: Session = field(default_factory=lambda: Session(None))
+    relation: ClockRelation = field(default_factory=lambda: ClockRelation(we_ping=True))
     heard_ns: int | None = None
     accepted: int = 0
-    refused_old: int = 0
+    refused: Refusals = field(default_factory=Refusals)
+    refusal: str = ""
+    """Why the newest refused datagram was."""
+    refused_ns: int | None = None
+    boots: int = 0
+    counted: bool = True
+    """Its driver gives frame counters."""
     received: deque[tuple[int, wire.Datagram]] = field(default_factory=lambda: deque(maxlen=_KEPT_DATAGRAMS))
+    pairing: Pairing = field(init=False)
+    _place: tuple[int, npt.NDArray[np.float64]] | None = None
+    _jumps: int = 0
+
+    def __post_init__(self) -> None:
+        self.pairing = Pairing(self.relation)
+
+    def standing(self, now_ns: int) -> Standing:
+        since_ns = None if self.heard_ns is None else now_ns - self.heard_ns
+        refused = self.refused_ns is not None and now_ns - self.refused_ns < _STALE_NS
+        if refused and (self.session.rivals is not None or since_ns is None or since_ns >= _STALE_NS):
+            return Standing.REFUSED
+        if since_ns is None:
+            return Standing.UNHEARD
+        if since_ns >= _LOST_NS:
+            return Standing.LOST
+        if since_ns >= _STALE_NS:
+            return Standing.STALE
+        offset = self.relation.offset(now_ns)
+        return Standing.TRACKED if offset is not None and offset.is_locked else Standing.DISCOVERED
+
+    def data_age_s(self, now_ns: int) -> float | None:
+        """How long ago its newest data were measured, by its own stamps: that they were sent late shows here. None
+        while the clocks are not related."""
+        offset = self.relation.offset(now_ns)
+        if offset is None or not offset.is_locked or not self.received:
+            return None
+        newest_ns = max(datagram.sent_ns for _, datagram in self.received)
+        return (now_ns + offset.offset_ns - newest_ns) / NS_PER_S
+
+    def not_locked(self, now_ns: int) -> str:
+        """Why no aperture can be trusted in time; empty when the clock relation is locked."""
+        offset: Offset | None = self.relation.offset(now_ns)
+        if offset is None:
+            return f"the clock of {self.name} is not related to ours: no shared exchanges"
+        if not offset.is_locked:
+            ms = offset.uncertainty_ns * 1e-6
+            return f"the clock of {self.name} is not related to ours: uncertain by {ms:.1f} ms, at most 5 wanted"
+        return ""
 
     def channels_since(self, since_ns: int) -> wire.CsiBatch:
         """All reverse channels that arrived at or after `since_ns` (our clock)."""
-        batches = [datagram.csi for arrived_ns, datagram in self.received if arrived_ns >= since_ns]
-        return wire.CsiBatch(
-            _joined([b.frame for b in batches], np.uint32),
-            _joined([b.t_ns for b in batches], np.int64),
-            _joined([b.nic_us for b in batches], np.uint32),
-            _joined([b.value for b in batches], np.complex64),
-            _joined([b.antenna for b in batches], np.uint8),
-        )
+        return wire.joined([datagram.csi for arrived_ns, datagram in self.received if arrived_ns >= since_ns])
 
     def newest_pose(self) -> tuple[int, tuple[float, float, float]] | None:
         """Boot id and antenna position (ENU, its own frame) of the newest datagram with poses; None before one."""
@@ -77,145 +132,172 @@ class Neighbour:
         order = np.argsort(t_ns, kind="stable")  # datagrams may arrive out of order
         return t_ns[order], p_enu_m[order]
 
+    def add_forward(self, frame: int | None, t_ns: int, nic_us: int) -> None:
+        """We heard a packet of it."""
+        self.pairing.add_forward(frame, t_ns, nic_us)
+
+    def relate_uncounted(self, now_ns: int) -> None:
+        """Where there are no counters, once a second: relates the clocks by the times of the last seconds."""
+        if not self.counted:
+            since_ns = now_ns - 5 * NS_PER_S
+            self.pairing.match_uncounted(self.channels_since(since_ns), since_ns)
+
+    def refuse(self, reason: str, now_ns: int) -> None:
+        self.refusal, self.refused_ns = reason, now_ns
+
+    def file(self, datagram: wire.Datagram, now_ns: int) -> bool:
+        """Takes a datagram that is authentic and new; False if what it says cannot be."""
+        if self._jumps_impossibly(datagram.poses):
+            self.refused.impossible_jump += 1
+            self.refuse("impossible jump of its position", now_ns)
+            return False
+        self.heard_ns = now_ns
+        self.accepted += 1
+        self.counted = datagram.counted
+        self.received.append((now_ns, datagram))
+        self.relation.add_datagram(now_ns, datagram.sent_ns)
+        self.pairing.add_reverse(datagram.csi, datagram.counted)
+        return True
+
+    def restart(self) -> None:
+        """Another boot has another clock: nothing of the old one can be joined with it."""
+        self.boots += 1
+        self.received.clear()
+        self.relation.clear()
+        self.pairing.clear()
+        self._place, self._jumps = None, 0
+
+    def health(self, now_ns: int) -> dict[str, Any]:
+        offset = self.relation.offset(now_ns)
+        return {
+            "state": self.standing(now_ns),
+            "accepted": self.accepted,
+            "refused": {name: getattr(self.refused, name) for name in Refusals.__slots__},
+            "refusal": self.refusal,
+            "boots": self.boots,
+            "age_s": None if self.heard_ns is None else (now_ns - self.heard_ns) / NS_PER_S,
+            "data_age_s": self.data_age_s(now_ns),
+            "pairing_rate": self.pairing.rate(now_ns),
+            "paired": self.pairing.paired,
+            "clock_offset_s": None if offset is None else offset.offset_ns / NS_PER_S,
+            "clock_uncertainty_s": None if offset is None else offset.uncertainty_ns / NS_PER_S,
+        }
+
+    def _jumps_impossibly(self, poses: wire.PoseBatch) -> bool:
+        """Faster than any of our vehicles. A tracker that found itself again elsewhere is believed after some
+        datagrams that agree, and everything before is forgotten: no aperture may span the step."""
+        if not len(poses.t_ns):
+            return False
+        t_ns, p_m = poses.t_ns, poses.p_enu_m
+        if self._place is not None:
+            t_ns, p_m = np.append(self._place[0], t_ns), np.vstack([self._place[1], p_m])
+        steps_m = np.linalg.norm(np.diff(p_m, axis=0), axis=1)
+        allowed_m = np.maximum(_JUMP_M, _MAX_SPEED_M_S * np.abs(np.diff(t_ns)) / NS_PER_S)
+        if np.any(steps_m > allowed_m):
+            self._jumps += 1
+            if self._jumps < _SETTLED or np.any(steps_m[1:] > allowed_m[1:]):
+                return True
+            self.received.clear()
+        self._jumps = 0
+        newest = int(np.argmax(poses.t_ns))
+        self._place = int(poses.t_ns[newest]), poses.p_enu_m[newest]
+        return False
+
 
 @dataclass(slots=True)
 class LinkCounters:
     """Datagrams that no neighbour accounts for."""
 
     malformed: int = 0
+    version: int = 0
+    """Of another version of this program's format; the newest is named in the log."""
     unknown_sender: int = 0
     own: int = 0
-    bad_signature: int = 0
 
 
 class NeighbourReceiver:
-    """Authenticates datagrams and files them with the neighbour they came from."""
+    """Authenticates datagrams and files them with the neighbour they came from.
 
-    def __init__(self, own_id: int, names: Mapping[int, str], keys: Mapping[int, bytes], clock: Clock) -> None:
+    `keys` has for each peer every key that is valid. `book` keeps what must outlive a restart; without one, a replay is
+    noticed only as long as the service runs.
+    """
+
+    def __init__(
+        self,
+        own_id: int,
+        names: Mapping[int, str],
+        keys: Mapping[int, Sequence[bytes]],
+        clock: Clock,
+        book: Book | None = None,
+        we_ping: bool = True,
+    ) -> None:
         self._own_id = own_id
         self._keys = keys
         self._clock = clock
-        self.neighbours = {peer: Neighbour(peer, name) for peer, name in names.items()}
+        self._book = book
+        self.neighbours = {
+            peer: Neighbour(peer, name, Session(book.reached(peer) if book else None), ClockRelation(we_ping))
+            for peer, name in names.items()
+        }
         self.counters = LinkCounters()
+        self.authentic = 0
+        """Datagrams with a good signature, taken or not."""
 
     def take(self, data: bytes) -> bool:
         """Files one datagram; False when it was refused (and counted)."""
         try:
             sender = wire.sender_of(data)
+        except wire.VersionError as error:
+            if not self.counters.version:
+                _log.error("%s", error)
+            self.counters.version += 1
+            return False
         except wire.WireError:
             self.counters.malformed += 1
             return False
-        if sender == self._own_id:  # a broadcast comes back to its sender
-            self.counters.own += 1
-            return False
         neighbour = self.neighbours.get(sender)
         if neighbour is None:
-            self.counters.unknown_sender += 1
+            if sender == self._own_id:  # a broadcast comes back to its sender
+                self.counters.own += 1
+            else:
+                self.counters.unknown_sender += 1
             return False
         try:
             datagram = wire.decode(data, self._keys[sender])
-        except wire.WireError:
-            self.counters.bad_signature += 1
+        except wire.SignatureError:
+            neighbour.refused.bad_key += 1
+            neighbour.refuse("signed with another key, or forged", self._clock.now_ns())
+            return False
+        except wire.WireError as error:
+            neighbour.refused.malformed += 1
+            neighbour.refuse(str(error), self._clock.now_ns())
             return False
         return self._file(neighbour, datagram)
 
     def _file(self, neighbour: Neighbour, datagram: wire.Datagram) -> bool:
-        if datagram.boot_id != neighbour.boot_id:
-            # Another boot has another clock: nothing of the old one can be joined with it.
-            neighbour.boot_id, neighbour.counter = datagram.boot_id, -1
+        self.authentic += 1
+        now_ns, session = self._clock.now_ns(), neighbour.session
+        known, rivals = session.boot_id, session.rivals
+        verdict = session.judge(datagram.boot_id, datagram.counter, now_ns)
+        if verdict is Verdict.DUPLICATE and rivals is None and session.rivals is not None:
+            _log.error(
+                "two robots send as %s (id %d): boots %016x and %016x take turns; both are refused",
+                neighbour.name, neighbour.id, *session.rivals,
+            )  # fmt: skip
             neighbour.received.clear()
-        if datagram.counter <= neighbour.counter:
-            neighbour.refused_old += 1
+        if session.boot_id != known:
+            _log.info("%s (id %d): boot %016x", neighbour.name, neighbour.id, session.boot_id)
+            neighbour.restart()
+        if verdict is not Verdict.FRESH:
+            if verdict is Verdict.REPLAY:
+                neighbour.refused.replay += 1
+            else:
+                neighbour.refused.duplicate_identity += 1
+            neighbour.refuse(verdict, now_ns)
             return False
-        neighbour.counter = datagram.counter
-        neighbour.heard_ns = self._clock.now_ns()
-        neighbour.accepted += 1
-        neighbour.received.append((neighbour.heard_ns, datagram))
-        return True
-
-
-class NeighbourSender:
-    """Collects our poses and reverse channels and makes a signed datagram of them when asked."""
-
-    def __init__(self, role: wire.Role, own_id: int, key: bytes, pose_rate_hz: float) -> None:
-        self._role = role
-        self._id = own_id
-        self._key = key
-        self._pose_period_ns = round(NS_PER_S / pose_rate_hz)
-        self._boot_id = secrets.randbits(64)
-        self._counter = 0
-        self._newest_pose_ns = 0
-        self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
-        self._csi: deque[tuple[int, int, int, complex, int]] = deque(maxlen=wire.MAX_CSI)
-        self.dropped = 0
-        """Values that a newer one pushed out because datagrams were not sent in time."""
-
-    def wants_pose(self, t_ns: int) -> bool:
-        """Whether a pose of this time is due at the configured rate."""
-        return t_ns - self._newest_pose_ns >= self._pose_period_ns * 0.9
-
-    def add_pose(self, t_ns: int, p_enu_m: npt.ArrayLike, confidence: int) -> None:
-        """Queues the antenna's position (3,) of one time."""
-        self._newest_pose_ns = t_ns
-        self.dropped += len(self._poses) == wire.MAX_POSES
-        self._poses.append((t_ns, p_enu_m, confidence))
-
-    def add_channel(self, frame: int, t_ns: int, nic_us: int, value: complex, antenna: int) -> None:
-        self.dropped += len(self._csi) == wire.MAX_CSI
-        self._csi.append((frame, t_ns, nic_us, value, antenna))
-
-    def datagram(self) -> bytes | None:
-        """The next datagram with all that was added since the last, or None when that is nothing."""
-        if not self._poses and not self._csi:
-            return None
-        t_ns, p_enu_m, confidence = zip(*self._poses, strict=True) if self._poses else ((), (), ())
-        frame, csi_t_ns, nic_us, value, antenna = zip(*self._csi, strict=True) if self._csi else ((), (), (), (), ())
-        datagram = wire.Datagram(
-            self._role,
-            self._id,
-            self._boot_id,
-            self._counter,
-            wire.PoseBatch(
-                np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
-            ),
-            wire.CsiBatch(
-                np.array(frame, np.uint32),
-                np.array(csi_t_ns, np.int64),
-                np.array(nic_us, np.uint32),
-                np.array(value, np.complex64),
-                np.array(antenna, np.uint8),
-            ),
-        )
-        self._counter += 1
-        self._poses.clear()
-        self._csi.clear()
-        return wire.encode(datagram, self._key)
-
-
-class _Protocol(asyncio.DatagramProtocol):
-    def __init__(self, on_datagram: Callable[[bytes], None]) -> None:
-        self._on_datagram = on_datagram
-
-    def datagram_received(self, data: bytes, addr: tuple[str | object, int]) -> None:
-        self._on_datagram(data)
-
-
-async def open_link(config: Config, on_datagram: Callable[[bytes], None]) -> asyncio.DatagramTransport:
-    """A UDP socket on the neighbours' port that can broadcast. Raises CompanionError when it cannot be had."""
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # each robot of a simulation hears each broadcast
-    sock.setblocking(False)
-    try:
-        # Bound to the broadcast address itself: nothing sent to one host only is taken for a broadcast.
-        sock.bind((config.neighbours.broadcast, config.neighbours.port))
-    except OSError as error:
-        sock.close()
-        raise CompanionError(
-            f"neighbours.port {config.neighbours.port}: cannot bind {config.neighbours.broadcast}: {error.strerror}"
-        ) from None
-    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(lambda: _Protocol(on_datagram), sock=sock)
-    return transport
+        if self._book is not None:
+            self._book.note(neighbour.id, datagram.boot_id, datagram.counter)
+        return neighbour.file(datagram, now_ns)
 
 
 def _joined(parts: list[npt.NDArray[_Scalar]], dtype: type[_Scalar]) -> npt.NDArray[_Scalar]:

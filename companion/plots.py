@@ -42,12 +42,14 @@ def draw_profile(
     estimate: Direction,
     truth: tuple[float, float] | None = None,
     title: str = "",
+    azimuth_observable: bool = True,
     polar_observable: bool = True,
 ) -> None:
     """Writes a PNG: left the profile from above (azimuth, polar angle), right in 3D, both relative to the peak.
 
     `truth` is the true azimuth and polar angle in radians, drawn as a red x; the estimate is a circle, or a line
-    of one azimuth where the polar angle is not observable. Folders are made as needed. Raises OSError.
+    of one azimuth where the polar angle is not observable, and is called no bearing where the azimuth is not. Folders
+    are made as needed. Raises OSError.
     """
     figure = Figure(figsize=(12.5, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
@@ -55,7 +57,7 @@ def draw_profile(
     found = (estimate.azimuth_rad, estimate.polar_rad if polar_observable else None)
     _top_view(figure, profile, relative, found, truth)
     _view_3d(figure, profile, relative, found, truth)
-    figure.suptitle("\n".join(filter(None, (title, _summary(found, truth)))), fontsize=10)
+    figure.suptitle("\n".join(filter(None, (title, _summary(found, truth, azimuth_observable)))), fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
 
@@ -150,8 +152,9 @@ def _pooled(relative: Floats) -> Floats:
     return np.asarray(blocks.max(axis=(1, 3)))
 
 
-def _summary(estimate: Found, truth: tuple[float, float] | None) -> str:
+def _summary(estimate: Found, truth: tuple[float, float] | None, azimuth_observable: bool) -> str:
     azimuth_rad, polar_rad = estimate
     polar = "" if polar_rad is None else f", polar angle {math.degrees(polar_rad):.1f}°"
-    text = f"estimate: azimuth {math.degrees(azimuth_rad):.1f}°{polar}"
+    name = "estimate" if azimuth_observable else "highest peak, not a bearing"
+    text = f"{name}: azimuth {math.degrees(azimuth_rad):.1f}°{polar}"
     return text if truth is None else text + "   true: {:.1f}°, {:.1f}°".format(*map(math.degrees, truth))

@@ -1,4 +1,4 @@
-"""CSI records of one card -> one complex value per packet and antenna, stamped on the host's monotonic clock."""
+"""CSI records of one card -> the channel of each packet of a known robot, stamped on the host's monotonic clock."""
 
 from __future__ import annotations
 
@@ -11,27 +11,29 @@ import numpy.typing as npt
 from companion.clock import Clock
 from csi_bridge.clock import NicClock
 from csi_bridge.parser import parse_body
-from csi_bridge.records import CsiError, CsiRecord
+from csi_bridge.records import SUBCARRIERS, CsiError, CsiRecord
+from csi_bridge.scaling import is_40mhz, total_rss_dbm, without_spatial_mapping
 from csi_bridge.source import CsiSource
-from wsr.channel import centre_channel
 
 ANTENNAS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelSample:
-    """The channel of one packet at the true channel centre.
+    """The channel of one packet, of its first transmit antenna.
 
-    `values` (3,) complex64 by antenna A, B, C, zero where the card has none; only the first transmit stream is used.
+    `csi` (30, 3) complex64 in counts of the card by antenna A, B, C, zero where the card has none; `power_dbm` received
+    over all antennas.
     """
 
     peer: int
     """Id of the robot that sent the packet."""
-    frame: int
-    """Counter of the exchange."""
+    frame: int | None
+    """Counter of the exchange; None where the driver gives none (layout 34): such packets are paired by time."""
     t_mono_ns: int
     nic_us: int
-    values: npt.NDArray[np.complex64]
+    csi: npt.NDArray[np.complex64]
+    power_dbm: float
 
 
 @dataclass(slots=True)
@@ -41,11 +43,18 @@ class RadioCounters:
     records: int = 0
     samples: int = 0
     malformed: int = 0
+    unknown_code: int = 0
     unknown_sender: int = 0
+    no_sender: int = 0
+    """Records of the stock driver, which does not say who sent: nothing can be made of them."""
+    wide: int = 0
+    """Records of 40 MHz: estimates are made from 20 MHz only."""
     no_counter: int = 0
-    """Records of layouts without a frame counter: they cannot be paired live."""
+    """Records of layout 34, paired by time."""
     lost: int = 0
     """Records the card made and we never saw, from gaps in its own 16-bit count."""
+    restarts: int = 0
+    """Times the driver began anew: its count and its clock went back together."""
 
 
 class Radio:
@@ -68,9 +77,13 @@ class Radio:
         self._clock = clock
         self._on_sample = on_sample
         self._on_record = on_record
-        self._nic_clock = NicClock()
+        self.nic_clock = NicClock()
         self._bfee_count: int | None = None
         self.counters = RadioCounters()
+        self.rssi_dbm: tuple[float | None, ...] = (None,) * ANTENNAS
+        """Of the newest record, by antenna A, B, C; None where there is no signal."""
+        self.record_ns: int | None = None
+        """When the newest record was read."""
 
     def drain(self) -> None:
         """Called when the source is readable."""
@@ -85,24 +98,51 @@ class Radio:
                 continue
             if isinstance(record, CsiRecord):
                 self._take(record, now_ns)
+            elif record is None:
+                self.counters.unknown_code += 1
+
+    def antenna_power(self) -> dict[str, float | None]:
+        return dict(zip("ABC", self.rssi_dbm, strict=True))
 
     def _take(self, record: CsiRecord, now_ns: int) -> None:
-        self.counters.records += 1
-        self._count_losses(record.bfee_count)
-        t_mono_ns = self._nic_clock.update(record.timestamp_low_us, now_ns)
-        if record.mac is None or record.frame_count is None:
-            self.counters.no_counter += 1
+        counters = self.counters
+        counters.records += 1
+        self.record_ns = now_ns
+        resets = self.nic_clock.resets
+        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
+        self._count_losses(record.bfee_count, self.nic_clock.resets != resets)
+        self.rssi_dbm = tuple([value - 44.0 - record.agc if value else None for value in record.rssi])
+        if record.mac is None:
+            counters.no_sender += 1
             return
         peer = self._peers.get(record.mac)
         if peer is None:
-            self.counters.unknown_sender += 1
+            counters.unknown_sender += 1
             return
-        values = np.zeros(ANTENNAS, np.complex64)
-        values[list(record.antennas)] = centre_channel(record.csi[:, :, 0].T)
-        self.counters.samples += 1
-        self._on_sample(ChannelSample(peer, record.frame_count, t_mono_ns, record.timestamp_low_us, values))
+        if is_40mhz(record.rate):
+            counters.wide += 1
+            return
+        counters.no_counter += record.frame_count is None
+        counters.samples += 1
+        power_dbm = total_rss_dbm(record.rssi, record.agc)
+        sample = ChannelSample(
+            peer, record.frame_count, t_mono_ns, record.timestamp_low_us, _by_antenna(record), power_dbm
+        )
+        self._on_sample(sample)
 
-    def _count_losses(self, bfee_count: int) -> None:
+    def _count_losses(self, bfee_count: int, clock_reset: bool) -> None:
         if self._bfee_count is not None:
-            self.counters.lost += (bfee_count - self._bfee_count - 1) % 65536
+            if clock_reset:
+                self.counters.restarts += 1  # the count says nothing of what was lost between
+            else:
+                self.counters.lost += (bfee_count - self._bfee_count - 1) % 65536
         self._bfee_count = bfee_count
+
+
+def _by_antenna(record: CsiRecord) -> npt.NDArray[np.complex64]:
+    csi = without_spatial_mapping(record.csi, record.rate)[:, :, 0]
+    if record.n_rx == ANTENNAS:
+        return csi
+    values = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
+    values[:, list(record.antennas)] = csi
+    return values

@@ -33,6 +33,10 @@ _Item = tuple[Stream, int, int, int, Any]
 class Recorder(Protocol):
     """Where the service puts its messages."""
 
+    @property
+    def failed(self) -> bool:
+        """Whether messages are lost now."""
+
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         """Takes one message of `stream`, whose own time is `t_mono_ns`. Neither blocks nor raises."""
 
@@ -84,6 +88,10 @@ class McapRecorder:
             self._queue.put_nowait(item)
         except queue.Full:
             self.dropped += 1
+
+    @property
+    def failed(self) -> bool:
+        return self._part is None
 
     def counters(self) -> dict[str, int]:
         return {

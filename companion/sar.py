@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ from companion.tracker import Bearing
 from companion.window import ApertureReport, SarWindow
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
+from wsr.crb.informativeness import Informativeness
 
 _LOCAL_CAPACITY = 20 * 120
 
@@ -45,6 +47,8 @@ class Iteration:
     compute_s: float
     estimate: AoaEstimate | None
     refusal: str
+    informativeness: Informativeness | None = None
+    """Of this leg's aperture; None for a refusal."""
 
     def bearing(self) -> Bearing | None:
         """What the tracker takes; None where nothing can steer."""
@@ -88,6 +92,9 @@ class ApertureRecord:
 class Worker(Protocol):
     """Computes apertures; its answers come back through `SarIterations.take`, in any order."""
 
+    ready: asyncio.Event
+    """Set while it waits for apertures."""
+
     def submit(self, peer: int, aperture: Aperture) -> int:
         """Takes an aperture and returns the id its answer will carry."""
 
@@ -103,9 +110,11 @@ class SarIterations:
         neighbours: Mapping[int, Neighbour],
         config: ApertureConfig,
         clock: Clock,
-        on_aperture: Callable[[ApertureRecord], None],
         on_iteration: Callable[[Iteration, bytes], None],
+        pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
+        on_aperture: Callable[[ApertureRecord], None] = lambda aperture: None,
     ) -> None:
+        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
         self._window = window
         self._worker = worker
         self._neighbours = neighbours
@@ -113,10 +122,10 @@ class SarIterations:
         self._clock = clock
         self._on_aperture = on_aperture
         self._on_iteration = on_iteration
-        self.is_ready = False
-        """Whether the worker waits for apertures."""
         self._local = History(_LOCAL_CAPACITY, 3)
+        self._pose_problem = pose_problem
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._finished_ns: int | None = None
         self._number = 0
         self.start_ns: int | None = None
 
@@ -132,8 +141,12 @@ class SarIterations:
         if self.start_ns is None:
             return
         start_ns, self.start_ns = self.start_ns, None
+        self._finished_ns = self._clock.now_ns()
+        spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
             report = self._window.cut(neighbour, start_ns, end_ns)
+            if spoiled:
+                report = replace(report, aperture=None, refusal=spoiled)
             number, self._number = self._number, self._number + 1
             if report.aperture is None:
                 self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
@@ -144,6 +157,17 @@ class SarIterations:
     def path_length_m(self) -> float:
         """Path of the antenna since `begin`, by the pose source."""
         return 0.0 if self.start_ns is None else self._window.path_length_m(self.start_ns, self._clock.now_ns())
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the worker waits for apertures."""
+        return self._worker.ready.is_set()
+
+    def waiting_s(self) -> float:
+        """How long results have been waited for; 0 when none are."""
+        if not self._pending or self._finished_ns is None:
+            return 0.0
+        return (self._clock.now_ns() - self._finished_ns) / NS_PER_S
 
     @property
     def is_waiting(self) -> bool:
@@ -174,6 +198,7 @@ class SarIterations:
             result.compute_s,
             result.estimate,
             report.refusal or result.refusal,
+            result.informativeness,
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:

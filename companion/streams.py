@@ -38,7 +38,7 @@ class Stream:
 _IN, _DECIDED, _VIEW, _REPORT = Part.INPUT, Part.DECISION, Part.VIEW, Part.REPORT
 
 CSI: Final = Stream("/csi", 150, 2.0, "raw", _IN)
-POSE_USED: Final = Stream("/pose/used", 200, 0.2, "raw", _IN)
+POSE_IN: Final = Stream("/pose/in", 200, 0.2, "raw", _IN)
 NEIGHBOUR: Final = Stream("/neighbour", 10, 2.0, "raw", _IN)
 TICK: Final = Stream("/tick", 20, 0.2, "json", _IN)
 VEHICLE: Final = Stream("/vehicle", 20, 1.5, "json", _IN)
@@ -46,6 +46,10 @@ WISH: Final = Stream("/wish", 0, 0.0, "json", _IN)
 COMMAND: Final = Stream("/command", 0, 0.0, "json", _IN)
 WORKER: Final = Stream("/aoa/worker", 0, 0.0, "json", _IN)
 ANSWER: Final = Stream("/aoa/answer", 0.3, 20.0, "json", _IN)
+SECOND: Final = Stream("/second", 1, 3.0, "json", _IN)
+SURROUNDINGS: Final = Stream("/surroundings", 0, 0.0, "json", _IN)
+BOOK: Final = Stream("/book", 0, 0.0, "json", _IN)
+END: Final = Stream("/end", 0, 0.0, "json", _IN)
 
 APERTURE: Final = Stream("/aperture", 0.3, 20.0, "msgpack", _DECIDED)
 BEARING: Final = Stream("/bearing", 0.3, 20.0, "json", _DECIDED)
@@ -53,6 +57,7 @@ TARGET: Final = Stream("/target", 0.3, 20.0, "json", _DECIDED)
 MISSION: Final = Stream("/mission", 0, 0.0, "json", _DECIDED)
 SETPOINT: Final = Stream("/setpoint", 20, 0.2, "json", _DECIDED)
 GATE: Final = Stream("/gate", 0, 0.0, "json", _DECIDED)
+OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json", _DECIDED)
 
 PROFILE: Final = Stream("/aoa/profile", 0.3, 20.0, "protobuf", _VIEW)
 POSE: Final = Stream("/pose", 50, 0.2, "protobuf", _VIEW)
@@ -62,14 +67,15 @@ SCENE: Final = Stream("/scene", 0.3, 20.0, "protobuf", _VIEW)
 
 HEALTH: Final = Stream("/health", 1, 3.0, "json", _REPORT)
 LOG: Final = Stream("/log", 0, 0.0, "protobuf", _REPORT)
+AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json", _REPORT)
 
 TRUTH: Final = Stream("/truth", 20, 0.5, "json", Part.TRUTH)
 
 STREAMS: Final = (
-    CSI, POSE_USED, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER,
-    APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE,
+    CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END,
+    APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE, OBSERVED,
     PROFILE, POSE, APERTURE_PATH, TRANSFORMS, SCENE,
-    HEALTH, LOG, TRUTH,
+    HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
 )  # fmt: skip
 
 SERVICE_STREAMS: Final = tuple(stream for stream in STREAMS if stream.part is not Part.TRUTH)

@@ -71,6 +71,7 @@ class TargetReport:
     """What a new bearing made of the target, for the log."""
 
     t_mono_ns: int
+    peer: int
     iteration: int
     target: Target
     p_local_enu_m: Vector3 | None

@@ -16,6 +16,8 @@ MAX_SLOPE: Final = 100e-6
 """Two crystals of +-20 ppm each and some margin for a host clock that is being slewed."""
 _WRAP_US: Final = 1 << 32
 _RESET_NS: Final = 500_000_000
+_LATEST_NS: Final = 10_000_000_000
+"""A host that stalled finds old records in its socket: late, and still of the same clock."""
 _BUCKET_NS: Final = 500_000_000
 _BUCKETS: Final = 20
 _SLOPE_SPAN_NS: Final = 3_000_000_000
@@ -28,8 +30,8 @@ Point = tuple[float, float]
 class NicClock:
     """Maps each packet's NIC time stamp to the host's monotonic clock. One clock for each NIC.
 
-    Wraps of the 32-bit counter are followed; a counter that disagrees with the host by more than half a second since
-    the packet before has been reset, and the mapping starts over.
+    Wraps of the 32-bit counter are followed. A counter that went back, that is half a second ahead of the host, or ten
+    seconds behind it has been reset, and the mapping starts over.
     """
 
     def __init__(self) -> None:
@@ -39,6 +41,7 @@ class NicClock:
         self._start_nic_ns = 0
         self._start_offset_ns = 0
         self._minima: deque[tuple[int, Point]] = deque(maxlen=_BUCKETS)
+        self._line = (0.0, 0.0)
         self.resets = 0
 
     def update(self, timestamp_low_us: int, t_mono_ns: int) -> int:
@@ -46,9 +49,30 @@ class NicClock:
         self._follow(timestamp_low_us, t_mono_ns)
         elapsed_ns = self._nic_ns - self._start_nic_ns
         offset_ns = t_mono_ns - self._nic_ns - self._start_offset_ns
-        self._keep(elapsed_ns, float(offset_ns))
-        slope, intercept = envelope([point for _, point in self._minima])
-        return min(t_mono_ns, self._nic_ns + self._start_offset_ns + round(slope * elapsed_ns + intercept))
+        if self._keep(elapsed_ns, float(offset_ns)):
+            self._line = envelope([point for _, point in self._minima])
+        return min(t_mono_ns, self._nic_ns + self._start_offset_ns + self._correction_ns(elapsed_ns))
+
+    def host_ns(self, timestamp_low_us: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
+        """Host times (N,) [ns] of packets received since the newest reset and within half an hour, by the relation as
+        it is known now, which is better than it was when each came. Raises ValueError before the first `update`."""
+        if self._last_stamp_us is None:
+            raise ValueError("no packet has been seen yet")
+        # A difference of uint32 wraps as the counter does; read as int32 it is signed.
+        since_us = (timestamp_low_us.astype(np.uint32) - np.uint32(self._last_stamp_us)).view(np.int32)
+        elapsed_ns = since_us.astype(np.int64) * 1000 + (self._nic_ns - self._start_nic_ns)
+        slope, intercept = self._line
+        start_ns = self._start_nic_ns + self._start_offset_ns
+        return np.asarray(start_ns + elapsed_ns + np.rint(slope * elapsed_ns + intercept).astype(np.int64))
+
+    @property
+    def span_s(self) -> float:
+        """How long a stretch the relation rests on."""
+        return (self._minima[-1][1][0] - self._minima[0][1][0]) * 1e-9 if self._minima else 0.0
+
+    def _correction_ns(self, elapsed_ns: int) -> int:
+        slope, intercept = self._line
+        return round(slope * elapsed_ns + intercept)
 
     def _follow(self, stamp_us: int, t_mono_ns: int) -> None:
         if self._last_stamp_us is None:
@@ -57,7 +81,8 @@ class NicClock:
             # Signed, so that records that arrive slightly out of order do not count as a wrap.
             step_us = (stamp_us - self._last_stamp_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
             step_ns = step_us * 1000
-            if abs(step_ns - (t_mono_ns - self._last_mono_ns)) > _RESET_NS:
+            late_ns = t_mono_ns - self._start_offset_ns - self._nic_ns - step_ns
+            if step_ns < -_RESET_NS or not -_RESET_NS < late_ns < _LATEST_NS:
                 self.resets += 1
                 self._restart(stamp_us, t_mono_ns)
             else:
@@ -69,13 +94,17 @@ class NicClock:
         self._start_offset_ns = t_mono_ns - self._nic_ns
         self._minima.clear()
 
-    def _keep(self, elapsed_ns: int, offset_ns: float) -> None:
+    def _keep(self, elapsed_ns: int, offset_ns: float) -> bool:
+        """Whether the packet is one of those that the line rests on."""
         bucket = elapsed_ns // _BUCKET_NS
         point = (float(elapsed_ns), offset_ns)
         if not self._minima or bucket > self._minima[-1][0]:
             self._minima.append((bucket, point))
-        elif offset_ns < self._minima[-1][1][1]:
+            return True
+        if offset_ns < self._minima[-1][1][1]:
             self._minima[-1] = (bucket, point)
+            return True
+        return False
 
 
 def envelope(points: list[Point]) -> tuple[float, float]:

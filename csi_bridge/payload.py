@@ -22,11 +22,19 @@ def payload_bytes(n_rx: int, n_tx: int) -> int:
 def unpack(payload: npt.NDArray[np.uint8], n_rx: int, n_tx: int) -> npt.NDArray[np.complex64]:
     """Payloads (N, payload_bytes) uint8 -> (N, 30, n_rx, n_tx) complex64 in payload row order."""
     index, shift = _positions(n_rx * n_tx)
-    low = payload[:, index] >> shift
-    # A shift by 8 of a uint8 is 0, as wanted where a value sits on a byte boundary.
-    high = (payload[:, index + 1].astype(np.uint16) << (8 - shift)).astype(np.uint8)
-    values = np.ascontiguousarray((low | high).view(np.int8), np.float32)
-    return values.view(np.complex64).reshape(len(payload), SUBCARRIERS, n_rx, n_tx)
+    # Each value sits in two neighbouring bytes; one gather of byte pairs is half the work of two of bytes.
+    pairs = payload[:, 1:].astype(np.uint16)
+    pairs <<= 8
+    pairs |= payload[:, :-1]
+    parts = np.take(pairs, index, axis=1)
+    parts >>= shift
+    return (
+        parts.astype(np.uint8)
+        .view(np.int8)
+        .astype(np.float32)
+        .view(np.complex64)
+        .reshape(len(payload), SUBCARRIERS, n_rx, n_tx)
+    )
 
 
 def pack(csi: npt.NDArray[np.complex64]) -> bytes:
@@ -41,7 +49,7 @@ def pack(csi: npt.NDArray[np.complex64]) -> bytes:
 
 
 @lru_cache(maxsize=16)
-def _positions(pairs: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.uint8]]:
+def _positions(pairs: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.uint16]]:
     subcarrier, value = np.divmod(np.arange(SUBCARRIERS * pairs * 2), pairs * 2)
     bit = subcarrier * (pairs * 16 + _PADDING_BITS) + _PADDING_BITS + value * 8
-    return bit // 8, (bit % 8).astype(np.uint8)
+    return bit // 8, (bit % 8).astype(np.uint16)

@@ -21,6 +21,7 @@ STEADY_VIO = VioScenario(
     scale_std=0.0,
     bias_std=0.0,
     walk_m_sqrt_s=0.0,
+    north_std_rad=0.0,
     yaw_rate_std_rad_s=0.0,
     yaw_walk_rad_sqrt_s=0.0,
     jitter_m=0.0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from companion.autopilot.port import Autopilot
 from companion.event_clock import EventClock
-from companion.messages import Setpoint, VehicleState
+from companion.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 from companion.recorder import Recorder
 from companion.streams import VEHICLE
 
@@ -29,6 +29,22 @@ class ObservedAutopilot:
             self._seen = self._clock.number, state
             self._recorder.record(VEHICLE, self._clock.now_ns(), state)
         return self._seen[1]
+
+    @property
+    def problem(self) -> str:
+        return self._autopilot.problem
+
+    def take_events(self) -> list[AutopilotEvent]:
+        return self._autopilot.take_events()
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None:
+        self._autopilot.send_odometry(pose, reset_counter)
+
+    async def run(self) -> None:
+        await self._autopilot.run()
+
+    async def return_home(self) -> None:
+        await self._autopilot.return_home()
 
     async def connect(self, timeout_s: float = 10.0) -> None:
         await self._autopilot.connect(timeout_s)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from companion.errors import CompanionError
-from companion.messages import Setpoint, VehicleState
+from companion.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 
 
 class AutopilotError(CompanionError):
@@ -23,6 +23,14 @@ class Autopilot(Protocol):
     async def connect(self, timeout_s: float = 10.0) -> None:
         """Find the vehicle and wait for its first heartbeat."""
 
+    async def run(self) -> None:
+        """Connects, and connects again whenever heartbeats stay away, until cancelled: waits longer after each failure
+        and never gives up. Instead of `connect`."""
+
+    @property
+    def problem(self) -> str:
+        """Why there is no connection; empty while there is one."""
+
     async def aclose(self) -> None:
         """Let go of the link; bounded in time, and harmless when repeated. Sends no command."""
 
@@ -31,6 +39,13 @@ class Autopilot(Protocol):
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
         """Send this set point once. Nothing repeats it: when the caller stops, the stream stops."""
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None:
+        """Send a pose of our own tracker for the autopilot's estimator. `reset_counter` rises when the tracker began
+        anew."""
+
+    def take_events(self) -> list[AutopilotEvent]:
+        """What the autopilot said since the last call; the newest hundred."""
 
     async def arm(self) -> None: ...
 
@@ -48,6 +63,9 @@ class Autopilot(Protocol):
 
     async def land(self) -> None:
         """Returns when the autopilot is landing; touch-down shows in `state`. Gives way like `hold`."""
+
+    async def return_home(self) -> None:
+        """Returns when the autopilot is on its way home, where it lands. Gives way like `hold`."""
 
     async def parameter(self, name: str) -> int | float:
         """The autopilot's value of one of its parameters."""

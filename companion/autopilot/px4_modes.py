@@ -9,6 +9,7 @@ from companion.messages import FlightMode
 OFFBOARD: Final = (6, 0)
 HOLD: Final = (4, 3)
 LAND: Final = (4, 6)
+RETURN: Final = (4, 5)
 
 _AUTO: Final = 4
 _BY_PERSON: Final = (1, 2, 3, 5, 7, 8)

@@ -11,11 +11,13 @@ import json
 import math
 import struct
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
-from companion.messages import Vector3, VehicleState
+from companion.messages import AutopilotEvent, Pose, Vector3, VehicleState
 from wsr.frames import enu_from_ned, yaw_enu_from_ned
 
 Fields = dict[str, Any]
@@ -27,19 +29,31 @@ _STATE_CRITICAL = 5
 _LANDED_STATES_IN_AIR = (2, 3, 4)
 """In air, taking off, landing."""
 _PARAMETER_REAL32 = 9
+_EVENTS_KEPT = 100
+_ESTIMATED = 1 | 2 | 4
+"""ESTIMATOR_STATUS_FLAGS: attitude, horizontal and vertical velocity; all of them are needed,"""
+_POSITION_ESTIMATED = 8 | 16
+"""relative or absolute horizontal position; one of them is needed,"""
+_NOT_ESTIMATED = 128 | 2048
+"""constant position mode, accelerometer error; none of them may be set."""
 
 
 class Telemetry:
-    """Thread-safe. `parameters` and `acknowledgements` hold the newest value per name and per command."""
+    """Thread-safe. `parameters` and `acknowledgements` hold the newest value per name and per command.
 
-    def __init__(self, now_ns: Callable[[], int]) -> None:
+    `on_odometry` gets the autopilot's own odometry, on the thread of `take`.
+    """
+
+    def __init__(self, now_ns: Callable[[], int], on_odometry: Callable[[Pose], None] | None = None) -> None:
         self.parameters: dict[str, int | float | None] = {}
         self.acknowledgements: dict[int, int] = {}
         self.malformed = 0
+        self._events: deque[AutopilotEvent] = deque(maxlen=_EVENTS_KEPT)  # full: the oldest goes
+        self._on_odometry = on_odometry
         self._now_ns = now_ns
         self._lock = threading.Lock()
         self._state = VehicleState(now_ns())
-        self._handlers: Final[dict[str, Callable[[Fields, int], Fields]]] = {
+        handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
             "CURRENT_MODE": _current_mode,
             "LOCAL_POSITION_NED": _local_position,
@@ -48,7 +62,15 @@ class Telemetry:
             "BATTERY_STATUS": _battery,
             "PARAM_VALUE": self._parameter,
             "COMMAND_ACK": self._acknowledgement,
+            "ESTIMATOR_STATUS": _estimator,
+            "RC_CHANNELS": _rc,
+            "TIMESYNC": _timesync,
+            "STATUSTEXT": self._text,
+            "EVENT": self._event,
         }
+        if on_odometry is not None:
+            handlers["ODOMETRY"] = self._odometry
+        self._handlers: Final = handlers
 
     @property
     def message_names(self) -> tuple[str, ...]:
@@ -72,6 +94,29 @@ class Telemetry:
         """The newest telemetry, stamped now."""
         with self._lock:
             return dataclasses.replace(self._state, t_mono_ns=self._now_ns())
+
+    def take_events(self) -> list[AutopilotEvent]:
+        """What the autopilot has said since the last call, oldest first."""
+        events = []
+        while self._events:
+            events.append(self._events.popleft())
+        return events
+
+    def _text(self, fields: Fields, now_ns: int) -> Fields:
+        text = str(fields["text"]).rstrip("\0")
+        self._events.append(AutopilotEvent(now_ns, int(fields["severity"]), text))
+        return {}
+
+    def _event(self, fields: Fields, now_ns: int) -> Fields:
+        # The low half of log_levels is for the pilot (PX4 events interface); the text lies in the autopilot's metadata.
+        severity = int(fields["log_levels"]) & 0x0F
+        self._events.append(AutopilotEvent(now_ns, severity, f"event {int(fields['id'])}"))
+        return {}
+
+    def _odometry(self, fields: Fields, now_ns: int) -> Fields:
+        assert self._on_odometry is not None
+        self._on_odometry(pose_from_odometry(fields, now_ns))
+        return {}
 
     def _parameter(self, fields: Fields, now_ns: int) -> Fields:
         value = fields["param_value"]
@@ -119,6 +164,29 @@ def _landed_state(fields: Fields, now_ns: int) -> Fields:
 def _battery(fields: Fields, now_ns: int) -> Fields:
     percent = int(fields["battery_remaining"])
     return {"battery_remaining": percent / 100 if percent >= 0 else None}
+
+
+def _estimator(fields: Fields, now_ns: int) -> Fields:
+    flags = int(fields["flags"])
+    healthy = flags & _ESTIMATED == _ESTIMATED and bool(flags & _POSITION_ESTIMATED) and not flags & _NOT_ESTIMATED
+    return {"estimator_mono_ns": now_ns, "estimator_healthy": healthy}
+
+
+def _rc(fields: Fields, now_ns: int) -> Fields:
+    channels = tuple(int(fields[f"chan{i}_raw"]) for i in range(1, min(18, int(fields["chancount"])) + 1))
+    return {"rc_mono_ns": now_ns, "rc_us": channels}
+
+
+def _timesync(fields: Fields, now_ns: int) -> Fields:
+    return {"timesync_mono_ns": now_ns}
+
+
+def parameter_field(value: int | float) -> float:
+    """PX4 takes the four bytes of an integer where the float would be."""
+    if not isinstance(value, int):
+        return value
+    (field,) = struct.unpack("<f", struct.pack("<i", value))
+    return float(field)
 
 
 def _enu(*ned: Any) -> Vector3:

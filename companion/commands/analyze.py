@@ -37,7 +37,11 @@ Chosen = tuple[Run, dict[str, str]]
 @click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
 @click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
 @click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
-@click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
+@click.option(
+    "--channel",
+    type=click.IntRange(36, 177),
+    help="5 GHz WiFi channel; else as the truth file says.",
+)
 @click.option(
     "--mac",
     "macs",
@@ -81,8 +85,7 @@ def analyze(
 
     RUN is a folder of recorded runs or one above several: all runs below it are analysed. Or give loose files with
     --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and elevation (polar angle from Up, where the
-    path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when nothing could be
-    analysed.
+    path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None
     if lever is not None and not all(map(math.isfinite, lever)):
@@ -205,7 +208,7 @@ def draw(result: RunResult, out: Path) -> None:
         flat = f"  {unseen} not observable on this path" if unseen else ""
         title = f"{run.title}  {link.name}  ({result.kind}){flat}"
         with _writing(path):
-            draw_profile(path, link.profile, link.estimate, bearing, title, link.estimate.polar_observable)
+            draw_profile(path, link.profile, link.estimate, bearing, title, *seen.values())
 
 
 @contextmanager
@@ -237,6 +240,9 @@ def _check(results: list[RunResult]) -> None:
         click.echo(f"companion: run {run.stamp}: {line}", err=True)
     if len(failed) == len(results):
         raise CompanionError("nothing could be analysed")
+    estimates = [link.estimate for result in results for link in result.links if link.estimate is not None]
+    if not any(estimate.azimuth_observable for estimate in estimates):
+        raise CompanionError("no bearing: no path lets an azimuth be told (see above)")
 
 
 def _succeeded(link: LinkResult) -> bool:

@@ -40,6 +40,8 @@ def demo(seed: int, max_time: float, out: Path, json_path: Path | None) -> None:
     if not math.isfinite(max_time):
         raise click.BadParameter(f"{max_time}: expected seconds", param_hint="--max-time")
     _check_writable(out, json_path)
+    if json_path is not None and json_path.is_file():
+        json_path.unlink()  # the result of an earlier run must not pass for one of this
     console = Console()
     if not console.is_terminal:
         console = Console(width=_PIPE_WIDTH)  # a pipe or file has no width of its own; 80 columns would cut the table
@@ -67,7 +69,7 @@ def _check_writable(out: Path, json_path: Path | None) -> None:
 
 
 def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
-    from companion.flight_plot import draw_flight
+    from companion.flight_plot import Arrow, draw_flight
     from companion.plots import draw_profile
 
     result, profile, last = summarise(run, out / "log.mcap")
@@ -77,7 +79,9 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
     written = [out / "log.mcap"]
     if run.truths:
         bearings = [
-            (*row.uav_m[:2], math.radians(row.azimuth_deg)) for row in result.rows if row.azimuth_deg is not None
+            Arrow(row.iteration, *row.uav_m[:2], math.radians(row.azimuth_deg))
+            for row in result.rows
+            if row.azimuth_deg is not None
         ]
         draw_flight(
             out / "flight.png",

@@ -15,7 +15,7 @@ from companion.log.recording import RECORDING, export_run
 from companion.log_reader import LoggedMessage, Progress, Session
 from companion.messages import Pose, pose_of
 from companion.sar import ApertureRecord
-from companion.streams import APERTURE, CSI, POSE_USED, PROFILE, STREAMS, TRUTH, VEHICLE
+from companion.streams import APERTURE, CSI, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
 from csi_bridge.encoder import encode_file_record
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
@@ -49,7 +49,7 @@ class _Tum:
         self._rows: dict[str, list[str]] = {}
 
     def take(self, message: LoggedMessage) -> None:
-        if message.topic == POSE_USED.topic:
+        if message.topic == POSE_IN.topic:
             pose: Pose = pose_of(message.data)
             w, x, y, z = pose.q_enu_from_body
             self._add("pose", message.publish_time_ns, (*pose.p_enu_m, x, y, z, w))
@@ -130,7 +130,7 @@ class _Npz:
         self._profiles: list[Any] = []
 
     def take(self, message: LoggedMessage) -> None:
-        if message.topic == POSE_USED.topic:
+        if message.topic == POSE_IN.topic:
             self._poses.append(pose_of(message.data))
         elif message.topic == APERTURE.topic:
             record = msgspec.msgpack.decode(message.data, type=ApertureRecord)

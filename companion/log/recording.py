@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -28,10 +28,9 @@ from companion.messages import Vector3
 from companion.recordings import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, read_truth
 from companion.streams import CSI, POSE, Part, Stream
 from companion.trajectories import PoseKind, Trajectory, TrajectoryError, read_trajectory
-from csi_bridge.dat import DatFileError, read_dat
+from csi_bridge.dat import DatFileError
 from csi_bridge.encoder import encode_file_record
-from csi_bridge.parser import STAMP, body_shape, frame_at
-from csi_bridge.records import CSI_CODE, CsiError
+from csi_bridge.replay import read_tape
 
 RECORDING: Final = "recording"
 _PEER: Final = "/peer/"
@@ -165,55 +164,16 @@ def _run_at(place: Path, scene: Scene) -> Run:
 
 
 def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> list[_Timed]:
-    """Records of a .dat file with the wall time of each: that of the host, or by the card's clock where there is
-    none."""
+    """Records of a .dat file, each when it reached the host: wall time, or from 0 on where the driver tells none."""
     try:
-        data, log = path.read_bytes(), read_dat(path)
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from None
+        tape = read_tape(path)
     except DatFileError as error:
         problems.append(str(error))
         return []
-    bodies = [(code, body) for code, body in _frames(data)]
-    sound = sum(code == CSI_CODE for code, _ in bodies)
-    if sound != len(log):
-        problems.append(f"{path}: {sound} of its {len(log)} sound records were taken over; the file is damaged")
-    times = _times_ns([body for code, body in bodies if code == CSI_CODE])
-    timed: list[_Timed] = []
-    at = times[0] if times else 0
-    remaining = iter(times)
-    for number, (code, body) in enumerate(bodies):
-        at = max(at, next(remaining)) if code == CSI_CODE else at
-        timed.append((at, number, stream, bytes([code]) + body))
-    return timed
-
-
-def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """(code, body) of each whole frame; a damaged one is passed over to the next sound CSI record."""
-    start = 0
-    while True:
-        try:
-            found = frame_at(data, start)
-            if found is None:
-                return
-            code, end = found
-            if code == CSI_CODE:
-                body_shape(data[start + 3 : end])
-        except CsiError:
-            start += 1
-            continue
-        yield code, data[start + 3 : end]
-        start = end
-
-
-def _times_ns(bodies: Sequence[bytes]) -> list[int]:
-    if not bodies:
-        return []
-    if body_shape(bodies[0])[0] >= 34:
-        stamps = [STAMP.unpack_from(body, 20)[:2] for body in bodies]
-        return [seconds * 1_000_000_000 + micros * 1000 for seconds, micros in stamps]
-    low_us = np.array([int.from_bytes(body[:4], "little") for body in bodies], float)
-    return [int(us) * 1000 for us in np.unwrap(low_us, period=float(1 << 32)) - low_us[0]]
+    times_ns = np.rint(tape.t_s * 1e9).astype(np.int64).tolist()
+    messages = [bytes([code]) + body for code, body in tape.records]
+    numbered = enumerate(zip(times_ns, messages, strict=True))
+    return [(t_ns, number, stream, message) for number, (t_ns, message) in numbered]
 
 
 def _pose_messages(path: Path, kind: PoseKind, problems: list[str]) -> list[_Timed]:

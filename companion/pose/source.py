@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import asyncio
 import socket
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from companion.messages import Pose
 from companion.pose import wire
+from companion.pose.port import PoseSink
 from companion.unix_datagram import bind_datagram_socket
 from wsr import frames
 
@@ -39,18 +39,29 @@ class BodyFrame:
 class PoseSource:
     """Receives pose datagrams on a Unix socket it owns. `drain` is called when `fileno` is readable."""
 
-    def __init__(self, path: Path, north_yaw_rad: float, on_pose: Callable[[Pose], None]) -> None:
+    def __init__(self, path: Path, north_yaw_rad: float, on_pose: PoseSink) -> None:
         self._socket = bind_datagram_socket(path)
         self._path = path
         self._frame = BodyFrame(north_yaw_rad)
         self._on_pose = on_pose
+        self._session: int | None = None
         self.received = 0
         self.malformed = 0
-        self.not_finite = 0
-        """A T265 that lost track sends NaN at full rate; such poses are counted and never passed on."""
+        self.resets = 0
+
+    def align(self, north_yaw_rad: float) -> None:
+        self._frame = BodyFrame(north_yaw_rad)
 
     def fileno(self) -> int:
         return self._socket.fileno()
+
+    async def run(self) -> None:
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self.fileno(), self.drain)
+        try:
+            await loop.create_future()
+        finally:
+            loop.remove_reader(self.fileno())
 
     def drain(self) -> None:
         while True:
@@ -70,9 +81,8 @@ class PoseSource:
         except wire.PoseWireError:
             self.malformed += 1
             return
+        if self._session is not None and raw.session != self._session:
+            self.resets += 1
+        self._session = raw.session
         self.received += 1
-        values = (*raw.position_m, *raw.quaternion_wxyz, *raw.velocity_m_s)
-        if not all(map(math.isfinite, values)) or not any(raw.quaternion_wxyz):
-            self.not_finite += 1
-            return
         self._on_pose(self._frame.pose(raw))

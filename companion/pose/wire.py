@@ -3,7 +3,8 @@ CPython 3.10 with nothing else installed).
 
 Little-endian, 68 bytes: magic "PSE1", u64 monotonic time [ns] of the pose on this host (CLOCK_MONOTONIC is shared by
 processes), position [m] 3 x f64, quaternion w x y z 4 x f32, velocity [m/s] 3 x f32, u8 tracker confidence 0..3,
-u8 frame, u16 zero. Values are in the axes that `frame` names; the service converts.
+u8 frame, u16 session. Values are in the axes that `frame` names; the service converts. The session changes whenever
+the tracker began anew, in another frame.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class RawPose:
     velocity_m_s: tuple[float, float, float]
     confidence: int
     frame: PoseFrame
+    session: int = 0
 
 
 def encode(pose: RawPose) -> bytes:
@@ -51,7 +53,7 @@ def encode(pose: RawPose) -> bytes:
         *pose.velocity_m_s,
         pose.confidence,
         int(pose.frame),
-        0,
+        pose.session,
     )
 
 
@@ -59,7 +61,7 @@ def decode(datagram: bytes) -> RawPose:
     """Raises PoseWireError for anything that `encode` did not make."""
     if len(datagram) != DATAGRAM_BYTES:
         raise PoseWireError(f"{len(datagram)} bytes, expected {DATAGRAM_BYTES}")
-    magic, t_mono_ns, *values, confidence, frame, _ = _LAYOUT.unpack(datagram)
+    magic, t_mono_ns, *values, confidence, frame, session = _LAYOUT.unpack(datagram)
     if magic != _MAGIC:
         raise PoseWireError(f"magic {magic!r}, expected {_MAGIC!r}")
     if confidence > 3:
@@ -69,4 +71,4 @@ def decode(datagram: bytes) -> RawPose:
     except ValueError:
         raise PoseWireError(f"frame {frame}, expected one of {[int(f) for f in PoseFrame]}") from None
     x, y, z, qw, qx, qy, qz, vx, vy, vz = values
-    return RawPose(t_mono_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence, axes)
+    return RawPose(t_mono_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence, axes, session)

@@ -13,10 +13,13 @@ import msgspec
 from companion import wire
 from companion.aoa_wire import AoaResult
 from companion.app import Uav
+from companion.autopilot.port import Autopilot
+from companion.clock import Clock
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.event_clock import EventClock
-from companion.events import Answer, CommandOutcome, Tick, Wish, WorkerState
+from companion.events import Answer, BookState, CommandOutcome, Tick, Wish, WorkerState
+from companion.flight_commands import FlightCommands, Report
 from companion.log.encoding import encoded
 from companion.log_reader import LoggedMessage, Session
 from companion.messages import VehicleState, pose_of
@@ -31,12 +34,16 @@ from companion.replay.recorded import (
 from companion.streams import (
     ANSWER,
     APERTURE,
+    BOOK,
     COMMAND,
     CSI,
+    END,
     NEIGHBOUR,
-    POSE_USED,
+    POSE_IN,
     PROFILE,
+    SECOND,
     STREAMS,
+    SURROUNDINGS,
     TICK,
     VEHICLE,
     WISH,
@@ -44,6 +51,7 @@ from companion.streams import (
     Part,
     Stream,
 )
+from companion.surroundings import Surroundings
 
 INPUT_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.INPUT)
 DECISION_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.DECISION)
@@ -86,6 +94,10 @@ class ReplayLog:
             entry = Decided(stream, self.clock.now_ns(), t_mono_ns, self.clock.number, source, data)
             self.decided.append(entry)
 
+    @property
+    def failed(self) -> bool:
+        return False
+
     def counters(self) -> dict[str, int]:
         return {"written": len(self.decided), "dropped": 0}
 
@@ -122,7 +134,8 @@ class Player:
         self.log = ReplayLog(self._clock, session.wall_minus_mono_ns)
         self._inputs = RecordedInputs()
         self._autopilot = RecordedAutopilot()
-        self.commands = RecordedCommands()
+        self._commands: RecordedCommands | None = None
+        self._surroundings = Surroundings(0, "", False, 0, False, 0.0)
         self.worker = RecordedWorker(config.aperture.estimator, self._clock)
         self._uav: Uav | None = None
         self._config = config
@@ -135,6 +148,11 @@ class Player:
 
     def __exit__(self, *error: Any) -> None:
         self.worker.__exit__(*error)
+
+    @property
+    def unexpected(self) -> int:
+        """Outcomes and answers that nothing in the replay had asked for."""
+        return self.worker.unexpected + (0 if self._commands is None else self._commands.unexpected)
 
     @property
     def uav(self) -> Uav:
@@ -152,6 +170,8 @@ class Player:
             if not self._exact:
                 self._answer_due(event.t_ns)
             self._base.t_ns = event.t_ns
+            for data in event.inputs.get(BOOK.topic, ()):
+                self._inputs.book.known = msgspec.json.decode(data, type=BookState).reached
             if self._uav is None:
                 self._uav = self._build()
             self._clock.number = event.number - 1
@@ -164,38 +184,58 @@ class Player:
             self._clock,
             self.log,
             self._inputs,
-            self._autopilot,
-            self.commands,
+            lambda node: self._autopilot,
             lambda on_result, on_ready: self.worker,
+            self._make_commands,
+            lambda: self._surroundings,
         )
 
+    def _make_commands(self, autopilot: Autopilot, clock: Clock, report: Report) -> FlightCommands:
+        self._commands = RecordedCommands(autopilot, clock, report)
+        return self._commands
+
     def _handle(self, event: InputEvent) -> None:
+        """What was looked at first, then what the event was."""
         for data in event.inputs.get(VEHICLE.topic, ()):
             self._autopilot.seen = msgspec.json.decode(data, type=VehicleState)
+        for data in event.inputs.get(SURROUNDINGS.topic, ()):
+            self._surroundings = msgspec.json.decode(data, type=Surroundings)
+        outcomes = event.inputs.get(COMMAND.topic, [])
+        if TICK.topic in event.inputs:  # an outcome within a tick is that of sending a set point
+            failures = [msgspec.json.decode(data, type=CommandOutcome).error for data in outcomes]
+            self._autopilot.send_failure = failures[0] if failures else ""
+            outcomes = []
+        for data in outcomes:
+            assert self._commands is not None
+            self._commands.deliver(msgspec.json.decode(data, type=CommandOutcome))
         for topic, payloads in event.inputs.items():
-            self._handle_input(topic, payloads, event.t_ns)
+            for data in payloads[:1] if topic == CSI.topic else payloads:
+                self._handle_input(topic, data, payloads)
 
-    def _handle_input(self, topic: str, payloads: list[bytes], t_ns: int) -> None:
+    def _handle_input(self, topic: str, data: bytes, payloads: list[bytes]) -> None:
         uav = self.uav
         if topic == CSI.topic:
-            self._inputs.csi.records = [(data[0], data[1:]) for data in payloads]
+            self._inputs.csi.records = [(record[0], record[1:]) for record in payloads]
             uav.node.take_csi()
-        elif topic == POSE_USED.topic:
-            for data in payloads:
-                uav.node.take_pose(pose_of(data))
+        elif topic == POSE_IN.topic:
+            self._inputs.poses.resets = int.from_bytes(data[-4:], "little")
+            uav.node.take_pose(pose_of(data))
         elif topic == NEIGHBOUR.topic:
-            for data in payloads:
-                uav.node.take_datagram(wire.resigned(data, REPLAY_KEY))
+            uav.node.take_datagram(wire.resigned(data, REPLAY_KEY))
         elif topic == TICK.topic:
-            uav.flight.tick(msgspec.json.decode(payloads[0], type=Tick).t_mono_ns)
+            uav.flight.tick(msgspec.json.decode(data, type=Tick).t_mono_ns)
+        elif topic == SECOND.topic:
+            uav.node.each_second()
         elif topic == WISH.topic:
-            uav.flight.wish(msgspec.json.decode(payloads[0], type=Wish).wish)
-        elif topic == COMMAND.topic:
-            self.commands.deliver(msgspec.json.decode(payloads[0], type=CommandOutcome))
+            wish = msgspec.json.decode(data, type=Wish)
+            uav.flight.take_wish(wish.wish, wish.refusal, wish.by_switch)
         elif topic == WORKER.topic:
-            uav.take_worker_state(msgspec.json.decode(payloads[0], type=WorkerState).is_ready)
+            is_ready = msgspec.json.decode(data, type=WorkerState).is_ready
+            (self.worker.ready.set if is_ready else self.worker.ready.clear)()
         elif topic == ANSWER.topic and self._exact:
-            self._hand_over(self.worker.answer(msgspec.json.decode(payloads[0], type=Answer)))
+            self._hand_over(self.worker.answer(msgspec.json.decode(data, type=Answer)))
+        elif topic == END.topic:
+            uav.flight.end()
 
     def _hand_over(self, result: AoaResult | None) -> None:
         if result is not None:

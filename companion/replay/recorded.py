@@ -8,23 +8,26 @@ import dataclasses
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Mapping
 from types import TracebackType
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
 from companion.aoa_process import ONE_THREAD
 from companion.aoa_wire import LENGTH, AoaResult, frame, request_of
 from companion.aoa_worker import READY_ID
-from companion.autopilot.port import AutopilotError
-from companion.child import die_with_parent
+from companion.autopilot.port import Autopilot, AutopilotError
+from companion.boots import Book, Reached
+from companion.child import tied
 from companion.clock import Clock
 from companion.errors import CompanionError
 from companion.events import Answer, CommandOutcome
-from companion.inputs import PoseInput
-from companion.messages import Pose, Setpoint, VehicleState
-from companion.vehicle_commands import Report
+from companion.flight_commands import Command, FlightCommands, Report
+from companion.messages import AutopilotEvent, Pose, Setpoint, VehicleState
+from companion.mission import Event
+from companion.pose.intake import PoseIntake
+from companion.pose.port import Poses, PoseSink
 from csi_bridge.source import CsiSource, SourceCounters
 from wsr.aperture import Aperture
 
@@ -69,17 +72,38 @@ class RecordedCsi:
 
 
 class RecordedPoses:
-    """Poses are handed to the node one by one as they were recorded; there is no source to drain."""
+    """Poses are handed to the node one by one as they were recorded, North-aligned as the source was then."""
 
     received = 0
     malformed = 0
-    not_finite = 0
 
-    def fileno(self) -> int:
-        return -1
+    def __init__(self) -> None:
+        self.resets = 0
 
-    def drain(self) -> None:
-        """Never called."""
+    def align(self, north_yaw_rad: float) -> None:
+        """The recorded poses have been turned."""
+
+    async def run(self) -> None:
+        raise CompanionError("a replay has no pose source to run")
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+class RecordedBook:
+    """A `Book` as it stood when the service began; nothing is written."""
+
+    own_boot_id = 1
+    failed = False
+
+    def __init__(self) -> None:
+        self.known: Mapping[str, Reached] = {}
+
+    def reached(self, sender: int) -> Reached | None:
+        return self.known.get(str(sender))
+
+    def note(self, sender: int, boot_id: int, counter: int) -> None:
+        """A replay accepts nothing that matters."""
 
     def close(self) -> None:
         """There is nothing to close."""
@@ -90,31 +114,52 @@ class RecordedInputs:
 
     def __init__(self) -> None:
         self.csi = RecordedCsi()
+        self.poses = RecordedPoses()
+        self.book = RecordedBook()
 
     def open_csi(self) -> CsiSource:
         return self.csi
 
-    def open_poses(self, on_pose: Callable[[Pose], None]) -> PoseInput:
-        return RecordedPoses()
+    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
+        intake.bind(self.poses)
+        return self.poses
+
+    def open_book(self) -> Book:
+        return self.book
+
+    def open_pinger(self, clock: Clock) -> None:
+        return None
 
     def key(self, name: str) -> bytes:
         return REPLAY_KEY
-
-    async def open_link(self, on_datagram: Callable[[bytes], None]) -> asyncio.DatagramTransport:
-        raise CompanionError("a replay has no radio link")
 
 
 class RecordedAutopilot:
     """An `Autopilot` whose state is what the log says was seen; set points end here."""
 
+    problem = ""
+
     def __init__(self) -> None:
         self.seen = VehicleState(0)
+        self.send_failure = ""
+        """Why no set point can be sent in this event; empty when it can."""
 
     def state(self) -> VehicleState:
         return self.seen
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
+        """Goes nowhere. Raises AutopilotError where it did so in flight."""
+        if self.send_failure:
+            raise AutopilotError(self.send_failure)
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None:
         """Goes nowhere."""
+
+    def take_events(self) -> list[AutopilotEvent]:
+        return []
+
+    async def run(self) -> None:
+        _refuse("run")
 
     async def connect(self, timeout_s: float = 10.0) -> None:
         _refuse("connect")
@@ -137,40 +182,41 @@ class RecordedAutopilot:
     async def land(self) -> None:
         _refuse("land")
 
+    async def return_home(self) -> None:
+        _refuse("return_home")
+
     async def parameter(self, name: str) -> int | float:
         raise AutopilotError(f"parameter {name}: a replay has no autopilot")
 
 
-class RecordedCommands:
+class RecordedCommands(FlightCommands):
     """Commands are not run: each waits for the outcome that the log gives."""
 
-    def __init__(self) -> None:
-        self._report: Report | None = None
+    def __init__(self, autopilot: Autopilot, clock: Clock, report: Report) -> None:
+        super().__init__(autopilot, clock, report)
+        self._outcomes: tuple[Event | None, Event | None] | None = None
+        self._deliver = report
         self.unexpected = 0
         """Outcomes of commands that the replay had not started."""
 
-    def start(self, command: Coroutine[Any, Any, None], report: Report) -> None:
+    def start(self, command: Command, done: Event | None = None, failed: Event | None = None) -> None:
         command.close()
-        self._report = report
+        self._outcomes = done, failed
+
+    def beside(self, command: Command, name: str) -> None:
+        command.close()
 
     def cancel(self) -> None:
-        self._report = None
+        self._outcomes = None
 
     def deliver(self, outcome: CommandOutcome) -> None:
         """The outcome of the command that runs."""
-        report, self._report = self._report, None
-        if report is None:
+        outcomes, self._outcomes = self._outcomes, None
+        if outcomes is None:
             self.unexpected += 1
             return
-        report(AutopilotError(outcome.error) if outcome.error else None)
-
-    async def __aenter__(self) -> RecordedCommands:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> bool | None:
-        return None
+        done, failed = outcomes
+        self._deliver(failed if outcome.error else done, outcome.error)
 
 
 class RecordedWorker:
@@ -181,6 +227,7 @@ class RecordedWorker:
 
     def __init__(self, estimator: str, clock: Clock) -> None:
         self._clock = clock
+        self.ready = asyncio.Event()
         self._is_ready = False
         self._next_id = 0
         self._asked: list[int] = []
@@ -190,11 +237,10 @@ class RecordedWorker:
         self.unexpected = 0
         """Answers to apertures that the replay did not submit."""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "companion.aoa_worker", estimator],
+            tied(sys.executable, "-m", "companion.aoa_worker", estimator),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | ONE_THREAD,
-            preexec_fn=die_with_parent,
         )
 
     def __enter__(self) -> RecordedWorker:

@@ -87,7 +87,7 @@ class Replay:
             self._events,
             self._start_ns,
             (self._end_ns - self._start_ns) / NS_PER_S,
-            player.commands.unexpected + player.worker.unexpected,
+            player.unexpected,
             self._dropped,
         )
 

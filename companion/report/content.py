@@ -25,7 +25,7 @@ from companion.streams import (
     LOG,
     MISSION,
     NEIGHBOUR,
-    POSE_USED,
+    POSE_IN,
     PROFILE,
     SETPOINT,
     VEHICLE,
@@ -34,7 +34,7 @@ from companion.streams import (
 
 Floats = npt.NDArray[np.float64]
 _WARNING: Final = Log.WARNING
-_COUNTED: Final = (CSI, POSE_USED, NEIGHBOUR, SETPOINT)
+_COUNTED: Final = (CSI, POSE_IN, NEIGHBOUR, SETPOINT)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from companion.report.content import FlightContent
-from companion.streams import CSI, NEIGHBOUR, POSE_USED, SETPOINT
+from companion.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from wsr.geometry import direction, great_circle
 
 _DPI: Final = 90
@@ -104,7 +104,7 @@ def estimates(content: FlightContent) -> bytes:
 def rates(content: FlightContent) -> bytes:
     """Packets, poses, datagrams and set points a second, and how many packets of each iteration were paired; PNG."""
     figure, (packets, pairs, points) = _figure(9, 7, 3)
-    for stream, style in ((CSI, "k-"), (POSE_USED, "k--"), (NEIGHBOUR, "k:")):
+    for stream, style in ((CSI, "k-"), (POSE_IN, "k--"), (NEIGHBOUR, "k:")):
         packets.plot(*content.rate(stream.topic), style, label=stream.topic)
     packets.set(ylabel="messages/s", title="what was heard")
     packets.legend(fontsize=8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import bisect
 import math
 import signal
 import socket
@@ -39,6 +40,8 @@ class Watch:
     elapsed_s: float
     status: dict[str, Any]
     truth: WorldTruth | None
+    bearing_truth: WorldTruth | None
+    """At the reference time of the bearing in `status`."""
     setpoint_rate_hz: float
 
 
@@ -48,6 +51,7 @@ class DemoRun:
 
     reached: bool
     outcome: str
+    engaged_ns: int
     flight_s: float
     setup_s: float
     closest_m: float
@@ -110,7 +114,7 @@ class _Operator:
             await ask(self._stage.control_socket, "abort")
             await self._watch_it_leave()
         closest_m = min((t.distance_m for t in self._truths), default=math.inf)
-        return DemoRun(reached, outcome, flight_s, setup_s, closest_m, self._truths, self._stage)
+        return DemoRun(reached, outcome, engaged_ns, flight_s, setup_s, closest_m, self._truths, self._stage)
 
     async def _watch_it_leave(self) -> None:
         """Long enough to see whether anything is sent after OFFBOARD was left."""
@@ -140,7 +144,8 @@ class _Operator:
             raise CompanionError(ended)
         self._drain_truth()
         status = await ask(self._stage.control_socket, "status")
-        watch = Watch(elapsed_s, status, self._truths[-1] if self._truths else None, self._setpoint_rate())
+        newest = self._truths[-1] if self._truths else None
+        watch = Watch(elapsed_s, status, newest, self._truth_at(status["bearing"]), self._setpoint_rate())
         self._on_watch(watch)
         return watch
 
@@ -150,6 +155,13 @@ class _Operator:
                 self._truths.append(truth.decode_world(self._socket.recv(4096)))
             except BlockingIOError:
                 return
+
+    def _truth_at(self, bearing: dict[str, Any] | None) -> WorldTruth | None:
+        """The first truth at or after the reference time of a bearing; truths come at 20 Hz."""
+        if bearing is None:
+            return None
+        place = bisect.bisect_left(self._truths, bearing["reference_ns"], key=lambda world: world.t_mono_ns)
+        return self._truths[place] if place < len(self._truths) else None
 
     def _setpoint_rate(self) -> float:
         recent = self._truths[-25:]

@@ -49,6 +49,7 @@ class Row:
 
     iteration: int
     time_s: float
+    """Of the reference point, since engaging."""
     packets: int
     length_m: float | None
     azimuth_deg: float | None
@@ -93,7 +94,7 @@ def summarise(run: DemoRun, log: Path) -> tuple[DemoResult, Profile | None, Logg
     messages = read_log(log, {BEARING.topic, PROFILE.topic})
     iterations = [msgspec.json.decode(m.data, type=LoggedIteration) for m in messages if m.topic == BEARING.topic]
     profiles = [m.data for m in messages if m.topic == PROFILE.topic]
-    rows = [_row(iteration, run.truths) for iteration in iterations] if run.truths else []
+    rows = [_row(iteration, run) for iteration in iterations] if run.truths else []
     errors = [row.error_deg for row in rows if row.error_deg is not None]
     last = run.truths[-1].vehicle if run.truths else None
     in_offboard = last.setpoints_in_offboard if last else 0
@@ -137,7 +138,8 @@ def _outside_until_offboard(truths: list[WorldTruth]) -> int:
     return truths[-1].vehicle.setpoints if truths else 0
 
 
-def _row(iteration: LoggedIteration, truths: list[WorldTruth]) -> Row:
+def _row(iteration: LoggedIteration, run: DemoRun) -> Row:
+    truths = run.truths
     uav = _at(iteration.reference_ns, truths, [t.uav_antenna_enu_m for t in truths])
     beacon = _at(iteration.reference_ns, truths, [t.beacon_antenna_enu_m for t in truths])
     true_azimuth, true_polar = (float(angle) for angle in angles(beacon - uav))
@@ -150,7 +152,7 @@ def _row(iteration: LoggedIteration, truths: list[WorldTruth]) -> Row:
     bx, by, bz = beacon.tolist()
     return Row(
         iteration=iteration.number,
-        time_s=(iteration.reference_ns - truths[0].t_mono_ns) / NS_PER_S,
+        time_s=(iteration.reference_ns - run.engaged_ns) / NS_PER_S,
         packets=estimate.packets if estimate else iteration.received,
         length_m=estimate.length_m if estimate else None,
         azimuth_deg=math.degrees(estimate.azimuth_rad) if estimate else None,

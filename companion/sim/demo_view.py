@@ -8,6 +8,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from companion.sim.demo import Watch
 from companion.sim.demo_rows import DemoResult, Row
@@ -47,7 +48,9 @@ class LiveTable:
 
 def rows_table(rows: list[Row]) -> Table:
     """One line per SAR iteration; azimuth counter-clockwise from East, elevation (polar angle) from Up."""
-    table = Table(title="SAR iterations [m, deg; azimuth from East, elevation = polar angle from Up]", padding=0)
+    # As Text: in a plain string rich would take what stands in brackets for markup, and drop it.
+    title = "SAR iterations [m, deg]: azimuth from East, elevation = polar angle from Up, error as a great circle;"
+    table = Table(title=Text(f"{title} the CRB is of noise alone, without reflections and drift"), padding=0)
     headings = (
         "#",
         "t\n[s]",
@@ -61,7 +64,7 @@ def rows_table(rows: list[Row]) -> Table:
         "CRB",
     )
     for heading in (*headings, "reli-\nability", "dis-\ntance"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     for row in rows:
         table.add_row(
             str(row.iteration),
@@ -82,10 +85,11 @@ def rows_table(rows: list[Row]) -> Table:
 
 def summary_lines(result: DemoResult) -> list[str]:
     """The figures of the run in words."""
+    estimated = sum(row.error_deg is not None for row in result.rows)
     mean = "none" if result.mean_error_deg is None else f"{result.mean_error_deg:.2f} deg"
     return [
         f"{'reached' if result.reached else 'NOT reached'}: {result.outcome}, {result.flight_s:.0f} s after engaging",
-        f"mean AOA error over {len(result.rows)} SAR iterations (great circle): {mean}",
+        f"mean AOA error over {estimated} of {len(result.rows)} SAR iterations (great circle): {mean}",
         f"set points in offboard flight: {result.mean_setpoint_rate_hz:.1f}/s, in the worst second "
         f"{result.lowest_setpoint_rate_hz:.0f}; before it, to be let in: "
         f"{result.setpoints_before_offboard}; after it: {result.setpoints_after_offboard}",
@@ -112,10 +116,11 @@ def _cells(watch: Watch) -> dict[str, str]:
 
 
 def _error_now(watch: Watch, bearing: dict[str, float]) -> str:
-    """Against the truth of this moment, which has moved on a little since the bearing's own reference point."""
-    if watch.truth is None:
+    """Against the truth at the bearing's own reference time."""
+    then = watch.bearing_truth
+    if then is None:
         return _NONE
-    true = [b - u for b, u in zip(watch.truth.beacon_antenna_enu_m, watch.truth.uav_antenna_enu_m, strict=True)]
+    true = [b - u for b, u in zip(then.beacon_antenna_enu_m, then.uav_antenna_enu_m, strict=True)]
     found = direction(math.radians(bearing["azimuth_deg"]), math.radians(bearing["elevation_deg"]))
     return f"{math.degrees(float(great_circle(found, direction(*angles(true))))):4.1f} deg"
 

@@ -5,7 +5,8 @@ the true state to the world simulator, with `--control` it takes orders from a t
 answers with a `Px4Report`:
 
     report | pilot MODE | mute nothing/heartbeats/everything | offboard accept/refuse/silent
-    battery FRACTION | parameter NAME VALUE
+    battery FRACTION | parameter NAME VALUE | rc MICROSECONDS... | estimator healthy/unhealthy | say TEXT | reboot
+    forget gaps
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import contextlib
 import select
 import signal
 import socket
+import struct
 import time
 from pathlib import Path
 
@@ -25,6 +27,9 @@ from companion.sim.px4_commander import DEFAULT_PARAMETERS, NS_PER_S, Commander,
 from companion.sim.px4_link import Px4Link
 from companion.unix_datagram import bind_datagram_socket
 
+_SO_TIMESTAMPNS = 35  # socket(7)
+_TIMESPEC = struct.Struct("qq")
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
 _TRUTH_PERIOD_NS = NS_PER_S // 100
 
 
@@ -80,6 +85,10 @@ class Px4:
             offboard_s=commander.offboard_s,
             peer_heartbeats=link.peer_heartbeats,
             timesync_answers=link.timesync_answers,
+            onboard_statuses=link.onboard_statuses,
+            vision=link.visions,
+            vision_age_s=link.vision_age_s,
+            parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
             error=error,
         )
@@ -107,6 +116,16 @@ class Px4:
                 self.link.battery_remaining = float(fraction)
             case ["parameter", name, value]:
                 self.commander.parameters[name] = parameter_value(name, value)
+            case ["rc", *channels]:
+                self.link.rc_us = [int(channel) for channel in channels]
+            case ["estimator", "healthy" | "unhealthy" as health]:
+                self.link.estimator_healthy = health == "healthy"
+            case ["say", *text]:
+                self.link.say(" ".join(text))
+            case ["forget", "gaps"]:
+                self.commander.stream.largest_gap_s = 0.0
+            case ["reboot"]:
+                self.link.reboot()
             case _:
                 raise ValueError("unknown")
 
@@ -122,6 +141,7 @@ class Runner:
         self._truth.setblocking(False)
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._udp.setblocking(False)
+        self._udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self._udp.connect(connect)
         self._control_path = control
         self._control = bind_datagram_socket(control) if control is not None else None
@@ -163,12 +183,12 @@ class Runner:
     def _receive(self) -> None:
         while True:
             try:
-                datagram = self._udp.recv(2048)
+                datagram, ancillary, _, _ = self._udp.recvmsg(2048, _ANCILLARY_BYTES)
             except ConnectionRefusedError:
                 continue
             except BlockingIOError:
                 return
-            self._send(self._px4.link.receive(datagram, time.monotonic_ns()))
+            self._send(self._px4.link.receive(datagram, _arrival_ns(ancillary)))
 
     def _send_truth(self, now_ns: int) -> None:
         if self._truth_path is None:
@@ -184,6 +204,17 @@ class Runner:
         with contextlib.suppress(FileNotFoundError, ConnectionRefusedError, BlockingIOError):
             if sender:  # a sender without a name of its own wants no answer
                 self._control.sendto(report, sender)
+
+
+def _arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
+    """When the kernel took the datagram: a mock that waits for a processor must not count its own delay as a gap."""
+    now_ns = time.monotonic_ns()
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            age_ns = time.time_ns() - (seconds * NS_PER_S + nanoseconds)
+            return now_ns - int(min(max(0, age_ns), NS_PER_S))
+    return now_ns
 
 
 def parameter_value(name: str, text: str) -> int | float:

@@ -57,6 +57,8 @@ DEFAULT_PARAMETERS: dict[str, int | float] = {
     "COM_DISARM_LAND": 2.0,
     "COM_DISARM_PRFLT": 10.0,
     "EKF2_EV_CTRL": 0,
+    "EKF2_GPS_CTRL": 7,
+    "EKF2_HGT_REF": 1,
     "GF_ACTION": 2,
     "MIS_TAKEOFF_ALT": 2.5,
     "MPC_LAND_SPEED": 0.7,

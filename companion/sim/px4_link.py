@@ -31,6 +31,9 @@ _RATES_HZ: Final = {
     "HOME_POSITION": 0.5,
     "CURRENT_MODE": 0.5,
     "TIMESYNC": 10.0,
+    "ESTIMATOR_STATUS": 1.0,
+    "RC_CHANNELS": 5.0,
+    "ODOMETRY": 30.0,
 }
 """Streams of PX4's onboard link and their default rates."""
 _HOME_LAT_DEG, _HOME_LON_DEG, _HOME_ALT_M = 47.397742, 8.545594, 488.0
@@ -59,6 +62,15 @@ class Px4Link:
         self.ignore_mode_commands = False
         self.peer_heartbeats = 0
         self.timesync_answers = 0
+        self._clock_offset_ns: int | None = None
+        """Of the companion's clock to ours, as its newest answer told it."""
+        self.onboard_statuses = 0
+        self.vision: Any = None
+        """The newest pose that the companion sent for the estimator."""
+        self.visions = 0
+        self.vision_age_s: float | None = None
+        self.rc_us: list[int] = []
+        self.estimator_healthy = True
         self._boot_ns = self._now_ns = now_ns
         self._out: list[bytes] = []
         self._mav = mavlink.MAVLink(self, srcSystem=1, srcComponent=1)
@@ -93,11 +105,24 @@ class Px4Link:
             if now_ns < due_ns or period_ns <= 0 or (name == "CURRENT_MODE" and not self._status_is_new):
                 continue
             self._due_ns[name] = max(due_ns + period_ns, now_ns - period_ns)
-            if name == "HEARTBEAT" and self.mute == "heartbeats":
+            if not self._speaks(name):
                 continue
             self._mav.send(self._encoders[name]())
             self._status_is_new &= name != "CURRENT_MODE"
         return self._take()
+
+    def say(self, text: str) -> None:
+        """STATUSTEXT of severity warning with the next telemetry."""
+        self._mav.send(self._mav.statustext_encode(mavlink.MAV_SEVERITY_WARNING, text.encode()[:50]))
+
+    def reboot(self) -> None:
+        """Forget what was asked for, as a restarted autopilot does."""
+        self._period_ns = {name: round(NS_PER_S / rate) for name, rate in _RATES_HZ.items()}
+
+    def _speaks(self, name: str) -> bool:
+        if name == "RC_CHANNELS":
+            return bool(self.rc_us)
+        return name != "HEARTBEAT" or self.mute != "heartbeats"
 
     def _take(self) -> list[bytes]:
         out, self._out = self._out, []
@@ -118,6 +143,19 @@ class Px4Link:
             self._mav.send(self._mav.timesync_encode(self._now_ns, message.ts1))
         else:
             self.timesync_answers += 1
+            self._clock_offset_ns = message.tc1 - message.ts1  # ts1 is our own time when we asked
+
+    def _on_onboard_computer_status(self, message: Any) -> None:
+        self.onboard_statuses += 1
+
+    def _on_odometry(self, message: Any) -> None:
+        """PX4 takes vision in LOCAL_FRD or LOCAL_NED with BODY_FRD and drops every other frame without a word."""
+        frames = (mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_LOCAL_NED)
+        if message.frame_id in frames and message.child_frame_id == mavlink.MAV_FRAME_BODY_FRD:
+            self.vision, self.visions = message, self.visions + 1
+            if self._clock_offset_ns is not None:
+                theirs_ns = self._now_ns + self._clock_offset_ns
+                self.vision_age_s = (theirs_ns - message.time_usec * 1000) / NS_PER_S
 
     def _on_set_position_target_local_ned(self, message: Any) -> None:
         if message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
@@ -177,6 +215,8 @@ class Px4Link:
         if name == "AUTOPILOT_VERSION":
             self._mav.send(self._autopilot_version())
         elif name in self._encoders:
+            if not self._speaks(name):
+                return Result.FAILED
             self._mav.send(self._encoders[name]())
         else:
             return Result.UNSUPPORTED
@@ -290,6 +330,29 @@ class Px4Link:
 
     def _timesync(self) -> Any:
         return self._mav.timesync_encode(0, self._now_ns)
+
+    def _estimator_status(self) -> Any:
+        flags = 0x1 | 0x2 | 0x4 | 0x8 | 0x10 | 0x20 if self.estimator_healthy else 0x1 | 0x4 | 0x80
+        return self._mav.estimator_status_encode(self._now_ns // 1000, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.4)
+
+    def _rc_channels(self) -> Any:
+        channels = [*self.rc_us, *[65535] * 18][:18]
+        return self._mav.rc_channels_encode(self._boot_ms, len(self.rc_us), *channels, 255)
+
+    def _odometry(self) -> Any:
+        """The estimator's own output, as PX4 streams it: LOCAL_NED, body velocity, attitude level."""
+        airframe = self.commander.airframe
+        heading_rad = math.pi / 2 - airframe.yaw_enu_rad
+        north, east, down = _ned(airframe.v_enu_m_s)
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        velocity = (cos * north + sin * east, -sin * north + cos * east, down)
+        q = (math.cos(heading_rad / 2), 0.0, 0.0, math.sin(heading_rad / 2))
+        covariance = [0.0] * 21
+        return self._mav.odometry_encode(
+            self._now_ns // 1000, mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD,
+            *_ned(airframe.estimated_p_enu_m), q, *velocity, 0.0, 0.0, 0.0, covariance, covariance, 0,
+            mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+        )  # fmt: skip
 
     def _autopilot_version(self) -> Any:
         version = 1 << 24 | 16 << 16 | 255  # 1.16.0, a release

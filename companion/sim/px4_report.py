@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -32,6 +32,12 @@ class Px4Report:
     timesync_answers: int
     history: list[tuple[int, str]]
     """When each mode began; the newest 200."""
+    onboard_statuses: int = 0
+    vision: int = 0
+    """ODOMETRY messages taken."""
+    vision_age_s: float | None = None
+    """Of the newest one when it arrived, by the clock with which the companion answers TIMESYNC."""
+    parameters: dict[str, float] = field(default_factory=dict)
     error: str | None = None
     """Why the order was not understood; None when it was."""
 

@@ -11,7 +11,7 @@ import secrets
 import signal
 import socket
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
@@ -25,6 +25,8 @@ from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
+_PX4_PARAMETERS: Final = ("--param", "COM_OBL_RC_ACT=5", "--param", "COM_RC_OVERRIDE=3")
+"""What the preflight requires; PX4's own defaults are others."""
 _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
@@ -80,10 +82,20 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
 class Cast:
     """The running processes. Used as an async context: at its end all of them have ended, whatever happened."""
 
-    def __init__(self, stage: Stage, out: Path, *px4_options: str) -> None:
+    def __init__(
+        self,
+        stage: Stage,
+        out: Path,
+        *px4_options: str,
+        service: Sequence[str] = ("companion", "run"),
+        has_mock: bool = True,
+    ) -> None:
+        """`service` is the module that flies, with its first arguments; without the mock a real autopilot is there."""
+        self._service = service
+        self._has_mock = has_mock
         self._stage = stage
         self._out = out
-        self._px4_options = px4_options
+        self._px4_options = (*_PX4_PARAMETERS, *px4_options)
         self._processes: dict[str, asyncio.subprocess.Process] = {}
 
     async def __aenter__(self) -> Cast:
@@ -97,13 +109,26 @@ class Cast:
         stage = self._stage
         directory = stage.directory
         await self._start("world", "companion.sim.world", "--scenario", directory / "scenario.json")
+        if self._has_mock:
+            await self._start_mock()
+        await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
+        await self.start_uav()
+        return self
+
+    async def _start_mock(self) -> None:
+        stage = self._stage
         await self._start(
             "px4", "companion.sim.px4", "--connect", f"127.0.0.1:{stage.mavlink_port}",
             "--truth", stage.scenario.truth_in, "--seed", stage.scenario.seed, *self._px4_options,
         )  # fmt: skip
-        await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
-        await self._start("uav", "companion", "run", "--config", directory / "uav.yaml")
-        return self
+
+    async def start_uav(self) -> None:
+        """Start the flying robot's service, or start it again after it has ended."""
+        await self._start("uav", *self._service, "--config", self._stage.directory / "uav.yaml")
+
+    async def wait(self, name: str) -> int:
+        """Until one of them has ended by itself; its exit code."""
+        return await self._processes[name].wait()
 
     async def __aexit__(self, *_: object) -> None:
         # The services go first, so that the vehicle is left in Hold while its autopilot is still there to take it.
@@ -124,7 +149,7 @@ class Cast:
     async def _start(self, name: str, module: str, *arguments: object) -> None:
         # The simulated hardware is niced: on a vehicle it takes no time from the service either.
         nice = ("nice", "-n", "5") if name in ("world", "px4") else ()
-        with (self._out / f"{name}.txt").open("wb") as log:
+        with (self._out / f"{name}.txt").open("ab") as log:
             self._processes[name] = await asyncio.create_subprocess_exec(
                 *nice, sys.executable, "-m", module, *map(str, arguments),
                 stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log,

@@ -5,7 +5,8 @@ Each true step dp of the position is reported as
     R_z(psi) (1 + s) (dp + b |dp|) + w
 
 with a constant scale error s, a slowly varying bias b (Ornstein-Uhlenbeck), a random walk w that goes on at rest, and
-a slowly drifting yaw psi: the errors grow with the path as those of a real T265 do, and a camera at rest hardly drifts.
+a yaw error psi that drifts slowly from what the start heading was off: the errors grow with the path as those of a
+real T265 do, and a camera at rest hardly drifts.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ class Camera:
         self._rng = np.random.default_rng([seed, _VIO_STREAM, robot])
         self._vio = vio
         self._frame_yaw_rad = frame_yaw_rad
-        scale, yaw_rate, *bias = self._rng.standard_normal(5).tolist()
+        scale, yaw_rate, *bias, north = self._rng.standard_normal(6).tolist()
         self._scale = 1 + vio.scale_std * scale
         self._yaw_rate_rad_s = vio.yaw_rate_std_rad_s * yaw_rate
         self._bias = [vio.bias_std * value for value in bias]
         self._draws: list[list[float]] = []
-        self._yaw_error_rad = 0.0
+        self._yaw_error_rad = vio.north_std_rad * north
         self._p_m = [0.0, 0.0, 0.0]
         self._previous: tuple[int, Vector3] | None = None
 

@@ -11,7 +11,7 @@ from companion.config_file import load_config
 from companion.event_clock import EventClock
 from companion.messages import Pose, Setpoint, pose_bytes
 from companion.recorder import McapRecorder
-from companion.streams import CSI, POSE_USED, SETPOINT
+from companion.streams import CSI, POSE_IN, SETPOINT
 
 _CONFIG = Path(__file__).resolve().parents[2] / "configs" / "uav.yaml"
 
@@ -25,7 +25,7 @@ def main() -> None:
     for number in range(10**9):
         time.sleep(max(0.0, (start_ns + number * 5_000_000 - clock.now_ns()) / 1e9))
         with clock.event() as now_ns:
-            recorder.record(POSE_USED, now_ns, pose)
+            recorder.record(POSE_IN, now_ns, pose)
             recorder.record(CSI, now_ns, b"\xbb" + number.to_bytes(4, "little") * 57)
             if number % 10 == 0:
                 recorder.record(SETPOINT, now_ns, Setpoint(now_ns, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0))

@@ -31,7 +31,7 @@ from companion.log_reader import LogScan, open_session
 from companion.recorder import McapRecorder
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth, decode_world
-from companion.streams import CSI, POSE_USED, SETPOINT, TICK
+from companion.streams import CSI, POSE_IN, SETPOINT, TICK
 from companion.unix_datagram import bind_datagram_socket
 from tests.faults import figures
 
@@ -97,7 +97,7 @@ def test_fault_26_a_slow_disk_costs_messages_that_are_counted_and_no_time(
     worst_s = 0.0
     for _ in range(900):
         begun = time.perf_counter()
-        recorder.record(POSE_USED, 0, bytes(89))
+        recorder.record(POSE_IN, 0, bytes(89))
         worst_s = max(worst_s, time.perf_counter() - begun)
         time.sleep(0.002)
     recorder.close()
@@ -205,7 +205,7 @@ def _last_ns(log: Path) -> int:
     """Monotonic time of the last message."""
     session = open_session(log)
     assert parts_beside(log) == [log]
-    last = max(message.log_time_ns for message in session.messages({CSI.topic, POSE_USED.topic, SETPOINT.topic}))
+    last = max(message.log_time_ns for message in session.messages({CSI.topic, POSE_IN.topic, SETPOINT.topic}))
     return last - session.wall_minus_mono_ns
 
 

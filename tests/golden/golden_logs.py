@@ -17,13 +17,13 @@ from companion.log_reader import LoggedMessage, Session, metadata_of, open_sessi
 from companion.replay.check import StreamCheck, check
 from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, Player
 from companion.replay.result import ReplayResult, replay_log, write_decided
-from companion.streams import ANSWER, WISH, WORKER
+from companion.streams import ANSWER, BOOK, WISH, WORKER
 
 FOLDER: Final = Path(__file__).parent
 GOLDEN: Final = tuple(sorted(FOLDER.glob("*.mcap")))
-_BEFORE_S: Final = 1.0
+_BEFORE_S: Final = 0.7
 _ITERATIONS: Final = 3
-_AFTER_S: Final = 0.5
+_AFTER_S: Final = 0.3
 
 
 def replayed(session: Session) -> ReplayResult:
@@ -54,8 +54,9 @@ def cut(flight: Path, path: Path) -> None:
     answers = [m.log_time_ns for m in messages if m.topic == ANSWER.topic]
     end_ns = answers[_ITERATIONS - 1] + round(_AFTER_S * 1e9)
     start_ns = engaged_ns - round(_BEFORE_S * 1e9)
-    ready = [replace(m, log_time_ns=max(m.log_time_ns, start_ns)) for m in messages if m.topic == WORKER.topic]
-    kept = [m for m in messages if start_ns <= m.log_time_ns <= end_ns and m.topic != WORKER.topic]
+    early = {WORKER.topic, BOOK.topic}
+    ready = [replace(m, log_time_ns=max(m.log_time_ns, start_ns)) for m in messages if m.topic in early]
+    kept = [m for m in messages if start_ns <= m.log_time_ns <= end_ns and m.topic not in early]
     kept = [m for m in ready if m.log_time_ns <= engaged_ns] + kept
     _write(path, session, kept, None)
     session = open_session(path)
@@ -67,7 +68,7 @@ def _write(path: Path, session: Session, inputs: list[LoggedMessage], result: Re
     metadata["config"] = json.dumps(_placeless(json.loads(metadata["config"])))
     fresh = path.with_suffix(".new")
     with fresh.open("wb") as file:
-        writer = LogWriter(file, metadata)
+        writer = LogWriter(file, metadata, chunk_bytes=1 << 20)
         decided: Iterator[Decided] = iter(()) if result is None else _by_event(result)
         waiting = next(decided, None)
         for message in inputs:

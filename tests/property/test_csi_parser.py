@@ -13,6 +13,7 @@ from csi_bridge.encoder import encode_body, encode_file_record, encode_log
 from csi_bridge.parser import CsiLogParser, parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord
 from tests.csi_records import record, same
+from tests.mutation import mutant
 
 MUTANTS = 20_000
 
@@ -109,20 +110,6 @@ def test_mutants_of_a_body_raise_nothing_but_the_parsers_error() -> None:
         except CsiError:
             refused += 1
     assert MUTANTS // 10 < refused < MUTANTS
-
-
-def mutant(data: bytes, rng: random.Random) -> bytes:
-    changed = bytearray(data)
-    for _ in range(rng.randint(1, 3)):
-        at = rng.randrange(len(changed))
-        action = rng.randrange(3)
-        if action == 0:
-            changed[at] ^= 1 << rng.randrange(8)
-        elif action == 1:
-            changed.insert(at, rng.randrange(256))
-        else:
-            del changed[at]
-    return bytes(changed)
 
 
 def consume(data: bytes) -> int:

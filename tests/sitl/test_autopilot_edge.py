@@ -22,7 +22,7 @@ import pytest
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.clock import NS_PER_S, MonotonicClock, Ticker
-from companion.messages import FlightMode, Setpoint
+from companion.messages import FlightMode, Pose, Setpoint
 from companion.sim.px4_process import Px4Process
 
 _CLOCK = MonotonicClock()
@@ -188,6 +188,82 @@ async def test_parameters(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
     assert await autopilot.parameter("COM_OF_LOSS_T") == pytest.approx(1.0)
     with pytest.raises(AutopilotError, match="NO_SUCH"):
         await autopilot.parameter("NO_SUCH")
+
+
+async def test_velocity_alone_and_a_free_yaw(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
+    await _fly(autopilot)
+    yaw_rad = px4.report().yaw_enu_rad
+
+    async def stream() -> None:
+        async for now_ns in Ticker(_CLOCK, 20).ticks():
+            autopilot.send_setpoint(Setpoint(now_ns, None, (0.0, 0.6, 0.0), None))
+
+    streaming = asyncio.create_task(stream())
+    try:
+        await asyncio.sleep(0.3)
+        await autopilot.request_offboard()
+        await asyncio.sleep(2.0)
+        report = px4.report()
+        assert report.v_enu_m_s == pytest.approx((0.0, 0.6, 0.0), abs=0.05)
+        assert report.yaw_enu_rad == pytest.approx(yaw_rad, abs=0.01)
+    finally:
+        streaming.cancel()
+        await autopilot.return_home()
+    assert px4.report().mode == "RTL"
+
+
+async def test_what_both_ends_tell_each_other(px4: Px4Process, port: int) -> None:
+    odometry: list[Pose] = []
+    edge = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", _CLOCK, odometry.append)
+    running = asyncio.create_task(edge.run())
+    try:
+        async with asyncio.timeout(10):
+            while edge.problem or edge.state().estimator_mono_ns is None:  # noqa: ASYNC110 - the port is polled
+                await asyncio.sleep(0.02)
+        px4.order("say Preflight Fail: compass")
+        px4.order("rc 1500 1500 1900")
+        px4.order("estimator unhealthy")
+        for value in (4, 1.25):
+            name = "COM_OBL_RC_ACT" if value == 4 else "COM_OF_LOSS_T"
+            await edge.set_parameter(name, value)
+            assert await edge.parameter(name) == value == px4.report().parameters[name]
+        for count in range(40):
+            edge.send_odometry(Pose(_CLOCK.now_ns(), (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3), count)
+            await asyncio.sleep(0.025)
+        state, report, events = edge.state(), px4.report(), edge.take_events()
+        assert report.vision == 40 and report.onboard_statuses >= 1
+        assert [(event.severity, event.text) for event in events] == [(4, "Preflight Fail: compass")]
+        assert edge.take_events() == []
+        assert state.rc_us == (1500, 1500, 1900) and not state.estimator_healthy
+        assert state.timesync_mono_ns is not None and len(odometry) > 20
+        assert odometry[-1].p_enu_m == pytest.approx(report.p_enu_m, abs=0.1)
+        assert report.vision_age_s is not None and 0 <= report.vision_age_s < 0.5, "poses carry TIMESYNC's clock"
+    finally:
+        running.cancel()
+        await edge.aclose()
+
+
+async def test_a_restarted_autopilot_is_found_again_and_asked_again(port: int, tmp_path: Path) -> None:
+    edge = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", _CLOCK)
+    running = asyncio.create_task(edge.run())
+    try:
+        for life in range(2):
+            with Px4Process(port, tmp_path, *_OPTIONS) as px4:
+                async with asyncio.timeout(25):
+                    while edge.problem:  # noqa: ASYNC110 - the port is polled
+                        await asyncio.sleep(0.02)
+                begin = px4.report().timesync_answers
+                await asyncio.sleep(0.5)
+                age_ns = _CLOCK.now_ns() - (edge.state().position_mono_ns or 0)
+                assert age_ns < 0.2 * NS_PER_S and px4.report().timesync_answers > begin
+            if life == 0:
+                async with asyncio.timeout(10):
+                    while not edge.problem:  # noqa: ASYNC110 - the port is polled
+                        await asyncio.sleep(0.02)
+                assert "its heartbeats stopped" in edge.problem or "no heartbeat" in edge.problem
+    finally:
+        running.cancel()
+        await edge.aclose()
 
 
 async def test_bad_connections_are_one_clear_error(port: int) -> None:

@@ -63,6 +63,7 @@ def test_set_points_came_at_20_hertz_and_only_for_offboard(
     result = json.loads((finished[1] / "result.json").read_text())
     print(f"{result['mean_setpoint_rate_hz']:.2f} set points a second in offboard flight")
     assert 18 <= result["mean_setpoint_rate_hz"] <= 22
+    assert result["lowest_setpoint_rate_hz"] >= 17  # in any second; one may fall beyond either end of it
     # PX4 wants to see the stream before it grants OFFBOARD; none came after leaving it.
     assert result["setpoints_before_offboard"] <= 40
     assert result["setpoints_after_offboard"] == 0
@@ -73,8 +74,9 @@ def test_it_leaves_a_log_and_two_pictures(finished: tuple[subprocess.CompletedPr
     for name in ("flight.png", "profile.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
     topics = {message.topic for message in read_log(out / "log.mcap", {stream.topic for stream in SERVICE_STREAMS})}
-    # The gate speaks only when it refuses, which a quiet flight need not see.
-    assert topics | {"/gate"} == {stream.topic for stream in SERVICE_STREAMS}
+    # The gate speaks only when it refuses, the autopilot when it has something to say; nothing was only observed.
+    quiet = {"/gate", "/autopilot_event", "/observed_setpoint"}
+    assert topics | quiet == {stream.topic for stream in SERVICE_STREAMS}
 
 
 def test_the_log_decides_the_same_again(finished: tuple[subprocess.CompletedProcess[str], Path]) -> None:

@@ -19,6 +19,7 @@ from companion.aoa_process import AoaProcess
 from companion.aoa_wire import AoaResult, profile_power
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import wavelength_m
+from wsr.crb.informativeness import informativeness
 from wsr.estimators import ESTIMATORS
 from wsr.geometry import direction
 
@@ -81,6 +82,9 @@ async def test_an_aperture_gives_the_same_estimate_as_in_process() -> None:
     # To the precision of the kernel's float32: the worker's algebra runs on one thread, ours on all.
     assert result.estimate is not None
     assert _numbers(asdict(result.estimate)) == pytest.approx(_numbers(asdict(estimate)), rel=1e-4, abs=1e-6)
+    told = informativeness(aperture(), estimate.azimuth_rad, estimate.polar_rad)
+    assert result.informativeness is not None
+    assert asdict(result.informativeness) == pytest.approx(asdict(told), rel=1e-3, abs=1e-6)
     np.testing.assert_allclose(profile_power(result), profile.power, atol=1e-3)
     assert workers() == []
 

@@ -145,8 +145,34 @@ def test_log_in_pieces_with_errors_in_between() -> None:
         except CsiError as error:
             errors.append(error.offset)
     assert [offset for offset, _ in records] == [starts[0], starts[1], starts[5]]
-    assert errors == [starts[2], starts[3]]
-    assert (parser.unknown_count, parser.pending_bytes) == (1, 50)
+    assert errors == [starts[2]]
+    # Behind a length that cannot be nothing is believed until the next sound CSI record.
+    assert (parser.unknown_count, parser.pending_bytes) == (0, 50)
+    assert parser.skipped_bytes == starts[5] - starts[2]
+
+
+def test_a_wrong_length_costs_one_record_in_pieces_of_any_size() -> None:
+    good = encode_file_record(CSI_CODE, encode_body(record()))
+    for wrong in (b"\x00\x00", b"\x00\x40", b"\x01\xff", b"\x1f\xff", b"\xff\xff"):
+        log = good * 3 + wrong + good[2:] + good * 60
+        offsets = set()
+        for size in (1, 7, 100, len(log)):
+            parser, found, errors = CsiLogParser(), [], 0
+            for at in range(0, len(log), size):
+                parser.feed(log[at : at + size])
+                while True:
+                    try:
+                        item = parser.next_record()
+                    except CsiError:
+                        errors += 1
+                        continue
+                    if item is None:
+                        break
+                    found.append(item[0])
+            assert errors == 1
+            offsets.add(tuple(found))
+        assert len(offsets) == 1
+        assert len(found) == 3 + 60
 
 
 def test_reads_what_the_encoder_wrote() -> None:

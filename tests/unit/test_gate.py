@@ -10,6 +10,8 @@ import pytest
 
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, Vector3, VehicleState
+from tests.faults.campaign import runs
+from tests.faults.figures import record
 
 _NOW_NS = 1_000_000_000_000
 _LIMITS = GateLimits(
@@ -82,6 +84,8 @@ def test_bad_set_point_becomes_a_hold_and_says_why(setpoint: Setpoint, reason: R
         ((0.0, 0.0, 5.01), (Reason.FENCE_BOX,)),
         ((8.7, -8.7, 1.5), (Reason.FENCE_CYLINDER,)),
         ((10.5, -8.7, 1.5), (Reason.FENCE_BOX, Reason.FENCE_CYLINDER)),
+        ((-8.7, 8.7, 1.5), (Reason.FENCE_CYLINDER,)),
+        ((0.0, -10.01, 1.5), (Reason.FENCE_BOX,)),
     ],
 )
 def test_fence(p_m: Vector3, reasons: tuple[Reason, ...]) -> None:
@@ -127,14 +131,86 @@ def test_telemetry_younger_than_the_tick_is_used() -> None:
     assert _GATE.check(_GOOD, state, _NOW_NS, True).passed
 
 
+@pytest.mark.parametrize(
+    ("setpoint", "allowed"),
+    [  # exactly at each limit, and the next number beyond it
+        (dataclasses.replace(_GOOD, t_mono_ns=_NOW_NS - 200_000_000), True),
+        (dataclasses.replace(_GOOD, t_mono_ns=_NOW_NS), True),
+        (dataclasses.replace(_GOOD, p_local_enu_m=(1.0, 2.0, 0.5)), True),
+        (dataclasses.replace(_GOOD, p_local_enu_m=(1.0, 2.0, math.nextafter(0.5, 0))), False),
+        (dataclasses.replace(_GOOD, p_local_enu_m=(3.0, 2.0, 1.5)), True),
+        (dataclasses.replace(_GOOD, p_local_enu_m=(math.nextafter(3.0, 4), 2.0, 1.5)), False),
+        (dataclasses.replace(_GOOD, v_local_enu_m_s=(1.0, 0.0, 0.0)), True),
+        (dataclasses.replace(_GOOD, v_local_enu_m_s=(math.nextafter(1.0, 2), 0.0, 0.0)), False),
+        (dataclasses.replace(_GOOD, v_local_enu_m_s=(0.3, 0.0, 0.5)), True),
+        (dataclasses.replace(_GOOD, v_local_enu_m_s=(0.3, 0.0, -0.5)), True),
+        (dataclasses.replace(_GOOD, v_local_enu_m_s=(0.3, 0.0, math.nextafter(0.5, 1))), False),
+    ],
+)
+def test_limits_at_their_very_edge(setpoint: Setpoint, allowed: bool) -> None:
+    assert _GATE.check(setpoint, _STATE, _NOW_NS, True).passed is allowed
+
+
+def test_the_edge_of_fence_acceleration_and_telemetry() -> None:
+    on_box = (10.0, 0.0, 1.5)
+    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=on_box), _at(on_box), _NOW_NS, True).passed
+    low_box = (-10.0, 0.0, 1.5)
+    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=low_box), _at(low_box), _NOW_NS, True).passed
+    on_cylinder = (7.2, 9.6, 1.5)  # 12 m from the axis: a triangle of 3, 4 and 5
+    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=on_cylinder), _at(on_cylinder), _NOW_NS, True).passed
+    at_rest = dataclasses.replace(_STATE, v_local_enu_m_s=(-0.5, 0.0, 0.0), position_mono_ns=_NOW_NS - 500_000_000)
+    hardest = dataclasses.replace(_GOOD, v_local_enu_m_s=(1.0, 0.0, 0.0))
+    assert _GATE.check(hardest, at_rest, _NOW_NS, True).passed
+
+
+def _neighbour_verdict(x_m: float, neighbour: Vector3, own: Vector3 = (1.0, 2.0, 1.5)) -> tuple[Reason, ...]:
+    offered = dataclasses.replace(_GOOD, p_local_enu_m=(x_m, 2.0, 1.5))
+    return _GATE.check(offered, _at(own), _NOW_NS, True, [(-9.0, -9.0, 0.0), neighbour]).reasons
+
+
+def test_a_neighbour_is_kept_at_a_distance() -> None:
+    assert _neighbour_verdict(1.5, (2.5, 2.0, 1.5)) == ()
+    assert _neighbour_verdict(math.nextafter(1.5, 2), (2.5, 2.0, 1.5)) == (Reason.NEIGHBOUR,)
+    assert _neighbour_verdict(1.2, (1.2, 2.0, 2.4)) == (Reason.NEIGHBOUR,), "above counts as beside does"
+
+
+def test_who_is_too_near_to_a_neighbour_may_stay_or_go_away_but_not_come_nearer() -> None:
+    near = (1.5, 2.0, 1.5)
+    assert _neighbour_verdict(1.0, near) == ()
+    assert _neighbour_verdict(0.8, near) == ()
+    assert _neighbour_verdict(1.1, near) == (Reason.NEIGHBOUR,)
+
+
+def test_a_neighbour_whose_place_is_no_number_refuses() -> None:
+    assert _neighbour_verdict(1.2, (math.nan, 2.0, 1.5)) == (Reason.NEIGHBOUR,)
+
+
+def test_a_velocity_alone_is_judged_by_where_it_leads() -> None:
+    """Half a second, the time the vehicle is given to respond, ahead of where it is."""
+    fast = dataclasses.replace(_STATE, v_local_enu_m_s=(0.9, 0.0, 0.0))
+    alone = Setpoint(_NOW_NS, None, (1.0, 0.0, 0.0), None)
+    assert _GATE.check(alone, fast, _NOW_NS, True).setpoint is alone
+    at_edge = dataclasses.replace(fast, p_local_enu_m=(9.51, 0.0, 1.5))
+    assert _GATE.check(alone, at_edge, _NOW_NS, True).reasons == (Reason.FENCE_BOX,)
+    assert _GATE.check(alone, dataclasses.replace(at_edge, p_local_enu_m=(9.5, 0.0, 1.5)), _NOW_NS, True).passed
+    down = Setpoint(_NOW_NS, None, (0.3, 0.0, -0.5), 0.7)
+    assert _GATE.check(down, _at((1.0, 2.0, 0.74)), _NOW_NS, True).reasons == (Reason.HEIGHT,)
+    verdict = _GATE.check(Setpoint(_NOW_NS, None, (math.nan, 0.0, 0.0), None), _STATE, _NOW_NS, True)
+    assert verdict.reasons == (Reason.NOT_FINITE,) and verdict.setpoint == _HOLD
+
+
 def test_several_reasons_are_all_named() -> None:
     wild = Setpoint(_NOW_NS - 10**9, (99.0, 0.0, -3.0), (5.0, 0.0, 5.0), 0.0)
-    reasons = _GATE.check(wild, _STATE, _NOW_NS, True).reasons
+    nobody_there = (math.nan, 0.0, 0.0)
+    reasons = _GATE.check(wild, _STATE, _NOW_NS, True, [nobody_there]).reasons
     assert set(reasons) == set(Reason) - {Reason.MODE, Reason.NO_POSITION, Reason.NOT_FINITE}
 
 
-def test_no_bad_set_point_of_a_random_plan_passes() -> None:
-    """Whatever is offered, what comes out meets every limit by a check written apart from the gate's."""
+def test_fault_11_no_bad_set_point_of_a_random_plan_passes() -> None:
+    """Whatever is offered, what comes out meets every limit by a check written apart from the gate's.
+
+    `make faults` offers a million.
+    """
     rng = random.Random(11)
     pool = [math.nan, math.inf, -math.inf, 1e308, -1e308, 0.0, 0.5, -0.5, 1.0, 2.0, 11.0]
 
@@ -142,19 +218,38 @@ def test_no_bad_set_point_of_a_random_plan_passes() -> None:
         return rng.choice(pool) if rng.random() < 0.05 else rng.gauss(0, 1.2)
 
     passed = 0
-    for _ in range(20_000):
+    offers = runs(20_000, 1_000_000)
+    neighbour = (0.0, 2.0, 1.5)
+    for _ in range(offers):
         t_ns = _NOW_NS - rng.choice([0, 10**6, 10**8, 3 * 10**8, -(10**6)])
         x, y, z, vx, vy, vz, yaw = (number() for _ in range(7))
         offered = Setpoint(t_ns, (1 + x, 2 + y, 1.5 + z), (vx, vy, vz), yaw)
-        sent = _GATE.check(offered, _STATE, _NOW_NS, True).setpoint
+        sent = _GATE.check(offered, _STATE, _NOW_NS, True, [neighbour]).setpoint
         assert sent is not None and sent.is_finite() and _NOW_NS - 2 * 10**8 <= sent.t_mono_ns <= _NOW_NS
+        assert sent.p_local_enu_m is not None
         (px, py, pz), (sx, sy, sz) = sent.p_local_enu_m, sent.v_local_enu_m_s
+        assert px * px + (py - 2) ** 2 + (pz - 1.5) ** 2 >= 1.0 - 1e-12
         assert max(abs(px), abs(py)) <= 10 and 0.5 <= pz <= 5 and px * px + py * py <= 144
         assert sx * sx + sy * sy <= 1.0 + 1e-12 and abs(sz) <= 0.5
         assert (px - 1) ** 2 + (py - 2) ** 2 + (pz - 1.5) ** 2 <= 4.0 + 1e-12
         assert (sx - 0.3) ** 2 + sy * sy + (sz - 0.1) ** 2 <= 1.5**2 + 1e-12
         passed += sent is offered
-    assert 100 < passed < 10_000
+    assert offers // 200 < passed < offers // 2
+    record(11, offered=offers, passed_unchanged=passed, bad_passed=0)
+
+
+def test_an_age_is_a_difference_whatever_the_numbers() -> None:
+    for t_ns in (1, _NOW_NS // 3, 2 * _NOW_NS):
+        offered = dataclasses.replace(_GOOD, t_mono_ns=t_ns)
+        assert _GATE.check(offered, _STATE, _NOW_NS, True).reasons == (Reason.STALE,)
+
+
+def test_nothing_of_the_gate_can_be_changed_afterwards() -> None:
+    verdict = _GATE.check(_GOOD, _STATE, _NOW_NS, True)
+    for thing, name in ((_GATE, "limits"), (_LIMITS, "max_speed_m_s"), (verdict, "reasons")):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(thing, name, None)
+        assert not hasattr(thing, "__dict__")
 
 
 def test_limits_that_can_never_be_met_are_refused() -> None:
@@ -164,5 +259,13 @@ def test_limits_that_can_never_be_met_are_refused() -> None:
         dataclasses.replace(_LIMITS, max_speed_m_s=0.0)
     with pytest.raises(ValueError, match="min_height_m"):
         dataclasses.replace(_LIMITS, min_height_m=math.nan)
+    for name in ("fence_radius_m", "max_climb_m_s", "max_acceleration_m_s2", "max_age_s", "response_s"):
+        with pytest.raises(ValueError, match=f"{name} is 0"):
+            dataclasses.replace(_LIMITS, **{name: 0.0})  # type: ignore[arg-type]
+    for name in ("max_position_age_s", "min_neighbour_m"):
+        with pytest.raises(ValueError, match=f"{name} is -1.0; expected a positive number"):
+            dataclasses.replace(_LIMITS, **{name: -1.0})  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"fence_min_m .* must lie below fence_max_m .* on each axis"):
+        dataclasses.replace(_LIMITS, fence_min_m=(10.0, -10.0, -1.0))
     with pytest.raises(ValueError, match="max_lead_m"):
         dataclasses.replace(_LIMITS, max_lead_m=math.nan)

@@ -19,7 +19,7 @@ from companion.errors import CompanionError
 from companion.log.merge import merge
 from companion.log.writer import LogWriter
 from companion.log_reader import LogScan, open_session
-from companion.streams import CSI, POSE_USED, VEHICLE
+from companion.streams import CSI, POSE_IN, VEHICLE
 from csi_bridge.dat import read_dat
 from tests.golden.golden_logs import GOLDEN
 
@@ -85,7 +85,7 @@ def test_export_gives_other_tools_what_they_read(cli: Run, tmp_path: Path) -> No
     assert code == 0, err
     session = open_session(FLIGHT)
     tum = np.loadtxt(tmp_path / "x" / "pose.tum")
-    assert tum.shape == (sum(1 for _ in session.messages({POSE_USED.topic})), 8)
+    assert tum.shape == (sum(1 for _ in session.messages({POSE_IN.topic})), 8)
     np.testing.assert_allclose(np.linalg.norm(tum[:, 4:], axis=1), 1.0, atol=1e-6)
     log = read_dat(tmp_path / "x" / "csi.dat")
     assert len(log) == sum(1 for _ in session.messages({CSI.topic}))

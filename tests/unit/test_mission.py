@@ -8,6 +8,7 @@ import pytest
 
 from companion import mission_diagram
 from companion.errors import CompanionError
+from companion.fault_table import FAULTS
 from companion.mission import STREAM_STATES, TABLE, Action, Event, State, step, worst
 
 _SAFETY = Path(__file__).parents[2] / "docs" / "safety.md"
@@ -16,7 +17,8 @@ _STREAMING = (State.ACQUIRING, State.APPROACHING, State.HOLDING)
 _FLYING = (State.TAKING_OFF, *_STREAMING)
 
 # Written down a second time, from what the mission must do rather than from how the table is built: state by state,
-# "event > next state" and the actions' initials (p preflight, t take off, s start, o offboard, x stop, h hold, l land).
+# "event > next state" and the actions' initials (p preflight, t take off, s start, o offboard, x stop, h hold, l land,
+# a leave at the target, w leave without it).
 _EXPECTED = {
     State.IDLE: "engage>preflight p; task_failed>fault",
     State.PREFLIGHT: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>idle; "
@@ -28,17 +30,18 @@ _EXPECTED = {
     State.ACQUIRING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
-    "target_reached>arrived xh; bearing_stale>holding; bearing>approaching; bearing_back>approaching",
+    "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding; bearing>approaching; "
+    "bearing_back>approaching",
     State.APPROACHING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
-    "target_reached>arrived xh; bearing_stale>holding",
+    "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding",
     State.ARRIVED: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>landing l; "
     "battery_low>landing l; landed>idle; timeout>landing l",
     State.HOLDING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
-    "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
-    "target_reached>arrived xh; bearing>approaching; bearing_back>approaching",
+    "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xw; "
+    "target_reached>arrived xa; bearing>approaching; bearing_back>approaching",
     State.LANDING: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; timeout>landing l; "
     "landed>idle",
     State.LATCHED: "engage>preflight p; task_failed>fault",
@@ -52,6 +55,8 @@ _INITIALS = {
     "x": Action.STREAM_STOP,
     "h": Action.LEAVE_TO_HOLD,
     "l": Action.LAND,
+    "a": Action.LEAVE_AT_TARGET,
+    "w": Action.LEAVE_WITHOUT_TARGET,
 }
 
 
@@ -136,6 +141,14 @@ def test_diagram_names_every_state_and_transition() -> None:
         if state is not target:
             line = next(text for text in diagram.splitlines() if text.startswith(f"    {state} --> {target}: "))
             assert event.value in line.partition(": ")[2].split(", ")
+
+
+def test_every_fault_names_detection_and_clearance_and_every_event_that_stops_the_stream_is_one() -> None:
+    stopping = {event for (_, event), (_, actions) in TABLE.items() if Action.STREAM_STOP in actions}
+    assert stopping - set(FAULTS) == {Event.TARGET_REACHED}
+    for fault in FAULTS.values():
+        assert fault.within and fault.noticed_by and fault.cleared_by
+    assert list(FAULTS) == [event for event in Event if event in FAULTS], "in order of severity"
 
 
 def test_document_without_markers_is_refused() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,9 +74,21 @@ def test_the_socket_passes_good_poses_and_counts_the_rest(tmp_path: Path) -> Non
         camera.send(b"X" * wire.DATAGRAM_BYTES)
         source.drain()
     source.close()
-    assert len(got) == 1
-    assert (source.received, source.not_finite, source.malformed) == (3, 2, 2)
+    assert len(got) == 3, "poses that are not numbers are the health's to judge"
+    assert (source.received, source.malformed, source.resets) == (3, 2, 0)
     assert not path.exists()
+
+
+def test_a_reader_that_began_anew_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "pose.sock"
+    source = PoseSource(path, 0.0, lambda _: None)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
+        camera.connect(str(path))
+        for session in (7, 7, 8, 8):
+            camera.send(wire.encode(replace(raw((1.0, 2.0, 3.0)), session=session)))
+        source.drain()
+    source.close()
+    assert source.resets == 1
 
 
 def test_a_socket_in_use_is_not_taken_but_a_stale_one_is(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from companion.streams import (
     CSI,
     LOG,
     POSE,
-    POSE_USED,
+    POSE_IN,
     PROFILE,
     SETPOINT,
     STREAMS,
@@ -79,11 +79,11 @@ def one_of_each(path: Path) -> None:
     target = Target(9, 0.5, (1.0, 1.0, 1.0), 4, 6.0, 0.3)
     messages: tuple[tuple[Stream, object], ...] = (
         (POSE, POSE_AT),
-        (POSE_USED, pose_bytes(POSE_AT)),
+        (POSE_IN, pose_bytes(POSE_AT)),
         (VEHICLE, vehicle),
         (APERTURE, aperture),
         (PROFILE, power),
-        (TARGET, TargetReport(9, 3, target, (2.0, 3.0, 4.0))),
+        (TARGET, TargetReport(9, 2, 3, target, (2.0, 3.0, 4.0))),
         (TICK, Tick(4)),
         (LOG, LogLine(logging.WARNING, "companion.flight", "something")),
     )

@@ -11,9 +11,10 @@ import pytest
 
 from companion import wire
 from companion.beacon import Beacon
+from companion.broadcast import NeighbourSender
 from companion.clock import NS_PER_S, ManualClock
 from companion.messages import Pose
-from companion.neighbours import NeighbourReceiver, NeighbourSender
+from companion.neighbours import NeighbourReceiver
 from companion.radio import ChannelSample, Radio
 from companion.sim.radio import simulate_exchanges
 from companion.sim.scenario import RadioScenario
@@ -103,7 +104,7 @@ class Scene:
         self.datagrams = self._broadcast()
 
     def _broadcast(self) -> list[bytes]:
-        sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50)
+        sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, 1 << 32)
         beacon = Beacon(sender)
         poses = iter(poses_of(self.beacon, OTHER_CLOCK_NS - self.first_ns))
         datagrams = []
@@ -113,7 +114,7 @@ class Scene:
                 for _ in range(20):
                     if (pose := next(poses, None)) is not None and sender.wants_pose(pose.t_mono_ns):
                         sender.add_pose(pose.t_mono_ns, pose.p_enu_m, pose.confidence)
-                datagrams.append(sender.datagram() or b"")
+                datagrams += sender.datagrams(sample.t_mono_ns + 1)
         return datagrams
 
     def window(self) -> SarWindow:
@@ -125,7 +126,7 @@ class Scene:
         return window
 
     def receiver(self, datagrams: Iterable[bytes]) -> NeighbourReceiver:
-        receiver = NeighbourReceiver(1, {2: "beacon"}, {2: KEY}, ManualClock(self.first_ns))
+        receiver = NeighbourReceiver(1, {2: "beacon"}, {2: (KEY,)}, ManualClock(self.first_ns))
         for datagram in datagrams:
             receiver.take(datagram)
         return receiver
@@ -161,7 +162,7 @@ def test_ignoring_the_neighbours_motion_would_be_seen() -> None:
         wire.encode(
             replace(datagram, poses=replace(datagram.poses, p_enu_m=np.zeros_like(datagram.poses.p_enu_m))), KEY
         )
-        for datagram in (wire.decode(data, KEY) for data in scene.datagrams)
+        for datagram in (wire.decode(data, (KEY,)) for data in scene.datagrams)
     ]
     assert scene.error_deg(scene.cut(datagrams=frozen)) > 5 + scene.error_deg(still)
 

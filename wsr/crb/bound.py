@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of a direction from any aperture.
+"""The Cramer-Rao bound of one direction from any aperture.
 
 Packet k has phase  4 pi u . chi_k / lambda + phi0 + noise  with phase variance s_k^2. With K = 4 pi / lambda (2 pi /
 lambda for a one-way channel) and d_k = K (du/dtheta . chi_k, du/dphi . chi_k) the Fisher information is
@@ -23,7 +23,7 @@ Phase = Literal["known", "unknown"]
 
 # Two tangent directions count as independently measured when the smaller singular value is not float noise of the
 # larger one (1e-16 in double precision, 1e-7 for positions that were once float32).
-_RANK_TOLERANCE = 1e-6
+RANK_TOLERANCE = 1e-6
 
 Array = NDArray[np.float64]
 
@@ -82,11 +82,11 @@ def crb(
         values, axes = np.append(values, 0.0), np.vstack([axes, [-axes[0, 1], axes[0, 0]]])
     if values[0] == 0.0:
         return Crb(math.inf, math.inf, 0.0, math.inf)
-    if values[1] > _RANK_TOLERANCE * values[0]:
+    if values[1] > RANK_TOLERANCE * values[0]:
         tangent = (axes.T / values**2) @ axes
     else:
         tangent = np.outer(axes[0], axes[0]) / values[0] ** 2
-        blind = np.abs(axes[1]) > _RANK_TOLERANCE
+        blind = np.abs(axes[1]) > RANK_TOLERANCE
         tangent[blind, blind] = math.inf
         tangent[0, 1] = tangent[1, 0] = 0.0
     return _from_tangent(tangent, math.sin(polar_rad))

@@ -1,0 +1,158 @@
+"""The connection of the MAVSDK edge: open, find the autopilot, send, close.
+
+Only the library's plain callback interface is used. Its asyncio wrapper puts every message of a subscription into an
+unbounded queue; here each message lands in the caller's `on_message` on the library's thread. `send_message` only
+appends to the library's own bounded send queue (measured: it returns at once even when a serial line takes nothing), so
+it is called on the event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import functools
+import json
+import logging
+import socket
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any
+from urllib.parse import urlsplit
+
+import mavsdk
+from mavsdk.exceptions import MavsdkError
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+
+from companion.autopilot.port import AutopilotError
+
+_LOG = logging.getLogger(__name__)
+_NATIVE_LOG = logging.getLogger("mavsdk")
+_CLOSE_TIMEOUT_S = 3.0
+
+
+class MavsdkLink:
+    """One MAVSDK connection such as udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600; may be opened again.
+
+    `on_message` gets the name, the sender's component id and the fields as JSON, on the library's thread.
+    """
+
+    def __init__(self, url: str, names: Iterable[str], on_message: Callable[[str, int, str], None]) -> None:
+        self.url = url
+        self.system_id = 0
+        self._names = tuple(names)
+        self._on_message = on_message
+        self._mavsdk: Any = None
+        self._direct: Any = None
+
+    @property
+    def is_open(self) -> bool:
+        return self._direct is not None
+
+    async def open(self, timeout_s: float) -> None:
+        """Raises AutopilotError when the port is taken or no autopilot is heard within `timeout_s`."""
+        _refuse_taken_port(self.url)
+        _route_native_log()
+        kind = mavsdk.ComponentType.COMPANION_COMPUTER
+        self._mavsdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
+        try:
+            self._subscribe(await self._find_autopilot(timeout_s))
+        except BaseException:
+            await self.aclose()
+            raise
+
+    async def aclose(self) -> None:
+        """Bounded in time, and harmless when repeated."""
+        library, self._mavsdk, self._direct = self._mavsdk, None, None
+        if library is None:
+            return
+        loop, closed = asyncio.get_running_loop(), asyncio.Event()
+
+        def close() -> None:
+            library.destroy()
+            with contextlib.suppress(RuntimeError):  # the loop is gone: nobody waits any more
+                loop.call_soon_threadsafe(closed.set)
+
+        # Joins the library's threads. On a daemon thread: should it ever hang, it must not hold up the process's exit.
+        threading.Thread(target=close, name="mavsdk-close", daemon=True).start()
+        try:
+            await asyncio.wait_for(closed.wait(), _CLOSE_TIMEOUT_S)
+        except TimeoutError:
+            _LOG.error("autopilot %s: the library did not close within %g s", self.url, _CLOSE_TIMEOUT_S)
+
+    def send(self, name: str, **fields: Any) -> None:
+        """One message with every field of it: the library sends one that is missing as zero. None is sent as NaN.
+
+        Raises AutopilotError when the link is closed or the library refuses.
+        """
+        if self._direct is None:
+            raise AutopilotError(f"autopilot {self.url}: not connected; {name} was not sent")
+        text = json.dumps(fields, allow_nan=False)
+        try:
+            self._direct.send_message(MavlinkMessage(name, 0, 0, self.system_id, 1, text))
+        except MavsdkError as error:
+            raise AutopilotError(f"autopilot {self.url}: {name} was not sent: {error}") from error
+
+    def send_addressed(self, name: str, **fields: Any) -> None:
+        self.send(name, target_system=self.system_id, target_component=1, **fields)
+
+    async def _find_autopilot(self, timeout_s: float) -> Any:
+        try:
+            # Opening a serial port may take a while.
+            await asyncio.to_thread(self._mavsdk.add_any_connection_with_handle, self.url)
+        except MavsdkError as error:
+            wanted = "expected udpin://HOST:PORT or serial:///DEV:BAUD"
+            raise AutopilotError(f"autopilot {self.url}: {error}; {wanted}") from error
+        system = await self._first_autopilot(timeout_s)
+        if system is None:
+            raise AutopilotError(f"autopilot {self.url}: no heartbeat of an autopilot within {timeout_s:g} s")
+        return system
+
+    async def _first_autopilot(self, timeout_s: float) -> Any:
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[Any] = loop.create_future()
+
+        def settle(system: Any) -> None:
+            if not found.done():
+                found.set_result(system)
+
+        handle = self._mavsdk.first_autopilot_async(timeout_s, lambda system: loop.call_soon_threadsafe(settle, system))
+        try:
+            return await found
+        finally:
+            self._mavsdk.cancel_first_autopilot(handle)
+
+    def _subscribe(self, system: Any) -> None:
+        self.system_id = system.get_system_id()
+        system.enable_timesync()
+        self._direct = MavlinkDirect(system)
+        for name in self._names:
+            self._direct.subscribe_message(name, self._take)
+
+    def _take(self, message: MavlinkMessage, user_data: object) -> None:
+        self._on_message(message.message_name, message.component_id, message.fields_json)
+
+
+def _refuse_taken_port(url: str) -> None:
+    """The library binds a UDP port that is already bound without complaint, and both then hear half."""
+    parts = urlsplit(url)
+    if parts.scheme not in ("udp", "udpin"):
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((parts.hostname or "0.0.0.0", parts.port or 0))
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise AutopilotError(f"autopilot {url}: the port is taken by another process") from None
+
+
+@functools.cache  # once: the library may be calling the old callback while it is replaced
+def _route_native_log() -> None:
+    mavsdk.log_subscribe(_log_native)
+
+
+def _log_native(level: int, message: str, file: str | None, line: int) -> bool:
+    """The library's log lines go to logging; True keeps them off standard output."""
+    levels = (logging.DEBUG, logging.INFO, logging.WARNING, logging.ERROR)
+    _NATIVE_LOG.log(levels[level], "%s", message)
+    return True

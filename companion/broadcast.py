@@ -1,0 +1,215 @@
+"""What we broadcast: our poses and the channels we measured, collected, signed, and kept below a rate of bytes."""
+
+from __future__ import annotations
+
+import socket
+from collections import deque
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion import wire
+from companion.clock import NS_PER_S
+from companion.config import Config
+from companion.errors import CompanionError
+from wsr.reduced import reduce_channel
+
+BYTES_PER_S: Final = 5000
+"""The paper's budget, UDP and IP headers included."""
+_RECEIVE_BYTES: Final = 2048
+_BURST_S: Final = 0.5
+_AT_ONCE: Final = 256
+
+_Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
+
+
+class NeighbourSender:
+    """Collects poses and reverse channels and makes a signed datagram of them when asked. `boot_id` as of BootBook."""
+
+    def __init__(
+        self,
+        role: wire.Role,
+        own_id: int,
+        key: bytes,
+        pose_rate_hz: float,
+        boot_id: int,
+        budget_bytes_s: float = BYTES_PER_S,
+    ) -> None:
+        self._role = role
+        self._id = own_id
+        self._key = key
+        self._pose_period_ns = round(NS_PER_S / pose_rate_hz)
+        self._boot_id = boot_id
+        self._counter = 0
+        self._counted = True
+        self._budget_bytes_s = budget_bytes_s
+        self._newest_pose_ns = 0
+        self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
+        self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
+        self._allowance = budget_bytes_s * _BURST_S
+        self._asked_ns: int | None = None
+        self.dropped = 0
+        """Values that a newer one pushed out because datagrams were not sent in time, or that fit no datagram."""
+        self.thinned = 0
+        """Channels left out, evenly, to stay below the budget of bytes."""
+        self.sent_bytes = 0
+        """With UDP and IP headers."""
+
+    def wants_pose(self, t_ns: int) -> bool:
+        """Whether a pose of this time is due at the configured rate."""
+        return t_ns - self._newest_pose_ns >= self._pose_period_ns * 0.9
+
+    def add_pose(self, t_ns: int, p_enu_m: npt.ArrayLike, confidence: int) -> None:
+        """Queues the antenna's position (3,) of one time."""
+        self._newest_pose_ns = t_ns
+        self.dropped += len(self._poses) == wire.MAX_POSES
+        self._poses.append((t_ns, p_enu_m, confidence))
+
+    def add_channel(
+        self, frame: int | None, t_ns: int, nic_us: int, csi: npt.NDArray[np.complex64], power_dbm: float, antenna: int
+    ) -> None:
+        """Queues the channel (30,) of one packet; `frame` None where the driver gives no counter."""
+        self.dropped += len(self._csi) == self._csi.maxlen
+        self._counted = frame is not None
+        power = int(np.clip(round(power_dbm), -128, 127)) if np.isfinite(power_dbm) else -128
+        self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna))
+
+    def datagrams(self, now_ns: int) -> list[bytes]:
+        """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
+        the pinging robot's counter. Sent at `now_ns`."""
+        if self._asked_ns is not None:
+            earned = self._budget_bytes_s * (now_ns - self._asked_ns) / NS_PER_S
+            self._allowance = min(self._budget_bytes_s * _BURST_S, self._allowance + earned)
+        self._asked_ns = now_ns
+        poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
+        self.dropped += len(self._poses) - len(poses)
+        parts = [self._thin(part, len(poses)) for part in _split(self._csi, now_ns)]
+        self._poses.clear()
+        self._csi.clear()
+        made = []
+        for number in range(max(len(parts), 1 if poses else 0)):
+            data = self._datagram(poses if number == 0 else [], parts[number] if parts else [], now_ns)
+            if data is not None:
+                made.append(data)
+                self.sent_bytes += len(data) + wire.UDP_IP_BYTES
+                self._allowance -= len(data) + wire.UDP_IP_BYTES
+        return made
+
+    def _thin(self, part: list[_Csi], poses: int) -> list[_Csi]:
+        left = self._allowance - wire.UDP_IP_BYTES - wire.OVERHEAD_BYTES - poses * wire.POSE_BYTES
+        room = min(wire.MAX_CSI, max(0, int(left // wire.CSI_BYTES)))
+        if len(part) <= room:
+            return part
+        self.thinned += len(part) - room
+        return [part[i] for i in np.linspace(0, len(part) - 1, room).astype(int)]
+
+    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], part: list[_Csi], now_ns: int) -> bytes | None:
+        t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
+        datagram = wire.Datagram(
+            self._role,
+            self._id,
+            self._boot_id,
+            self._counter,
+            now_ns,
+            wire.PoseBatch(
+                np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
+            ),
+            _batch(part),
+            self._counted,
+        )
+        self._counter += 1
+        try:
+            return wire.encode(datagram, self._key)
+        except ValueError:  # a jump of the tracker in mid batch, or a broken stamp: nobody could use it
+            self.dropped += len(poses) + len(part)
+            return None
+
+
+class Link:
+    """The UDP socket on the neighbours' port, for `loop.add_reader`."""
+
+    def __init__(self, config: Config) -> None:
+        """Raises CompanionError when the socket cannot be had."""
+        neighbours = config.neighbours
+        self._to = (neighbours.broadcast, neighbours.port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # each robot of a simulation hears each
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        self._socket.setblocking(False)
+        self._buffer = bytearray(_RECEIVE_BYTES)
+        self.unsent = 0
+        """Datagrams the network would not take."""
+        try:
+            # Bound to the group or broadcast address itself: nothing sent to one host only is taken for a broadcast.
+            self._socket.bind(self._to)
+            if _is_multicast(neighbours.broadcast):
+                group = socket.inet_aton(neighbours.broadcast) + socket.inet_aton("0.0.0.0")
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        except OSError as error:
+            self._socket.close()
+            raise CompanionError(
+                f"neighbours.port {neighbours.port}: cannot bind {neighbours.broadcast}: {error.strerror}"
+            ) from None
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def drain(self) -> list[bytes]:
+        """What has arrived, at most so much that other work is not held up."""
+        arrived: list[bytes] = []
+        view = memoryview(self._buffer)
+        for _ in range(_AT_ONCE):
+            try:
+                size = self._socket.recv_into(self._buffer)
+            except BlockingIOError:
+                break
+            arrived.append(bytes(view[:size]))
+        return arrived
+
+    def send(self, data: bytes) -> None:
+        try:
+            self._socket.sendto(data, self._to)
+        except OSError:  # no route, no buffer: a radio link loses datagrams anyway
+            self.unsent += 1
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def _is_multicast(address: str) -> bool:
+    return 224 <= int(address.split(".")[0]) <= 239
+
+
+def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
+    """Parts of which each fits one datagram: few enough, and counters and stamps not far from the first."""
+    parts: list[list[_Csi]] = []
+    for row in csi:
+        first = parts[-1][0] if parts else None
+        if (
+            first is None
+            or len(parts[-1]) == wire.MAX_CSI
+            or (row[0] - first[0]) % (1 << 32) > wire.MAX_FRAME_STEP
+            or (row[2] - first[2]) % (1 << 32) >= wire.NIC_SPAN_US
+        ):
+            parts.append([])
+        parts[-1].append(row)
+    return parts
+
+
+def _batch(part: list[_Csi]) -> wire.CsiBatch:
+    if not part:
+        return wire.empty_csi()
+    frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
+    coefficients, scale = reduce_channel(np.array(csi, np.complex64))
+    return wire.CsiBatch(
+        np.array(frame, np.uint32),
+        np.array(t_ns, np.int64),
+        np.array(nic_us, np.uint32),
+        coefficients,
+        scale,
+        np.array(power, np.int8),
+        np.array(antenna, np.uint8),
+    )

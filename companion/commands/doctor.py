@@ -1,0 +1,55 @@
+"""`companion doctor`: what is not ready, and what to do about it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from companion.config_file import load_config
+from companion.errors import CompanionError
+from companion.radio_checks import Check, System, failed, live_checks, static_checks
+
+_WORDS = {True: "OK", False: "FAILED", None: "?"}
+
+
+@click.group()
+def doctor() -> None:
+    """Look at a part of this robot: each line OK, or what to do."""
+
+
+@doctor.command()
+@click.option("--config", "config_path", type=click.Path(path_type=Path), required=True, help="Of this robot.")
+@click.option("--seconds", type=click.FloatRange(0.5, 60), default=5.0, show_default=True, help="How long to listen.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
+def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
+    """The card: driver, connector, interface, channel, counters, antennas, packet rates, clock.
+
+    The service must not be running, or csi.source must be netlink. Exit code 1 when anything is wrong.
+    """
+    config = load_config(config_path)
+    checks = []
+    for check in static_checks(config, System()):
+        _show(check)
+        checks.append(check)
+    try:
+        heard = asyncio.run(live_checks(config, seconds, lambda _: None))
+    except CompanionError as error:
+        heard = [Check("CSI source", False, str(error), "is the service running on the same socket?")]
+    for check in heard:
+        _show(check)
+    checks += heard
+    if json_path is not None:
+        try:
+            json_path.write_text(json.dumps([asdict(check) for check in checks], indent=2) + "\n")
+        except OSError as error:
+            raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
+    failed(checks)
+
+
+def _show(check: Check) -> None:
+    remedy = f"  -> {check.remedy}" if check.remedy else ""
+    click.echo(f"{_WORDS[check.ok]:<7}{check.name:<24}{check.found}{remedy}")

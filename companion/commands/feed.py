@@ -1,0 +1,71 @@
+"""`companion feed`: a recorded CSI log into the kernel's connector, as the driver would report it."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from companion.errors import CompanionError
+from csi_bridge.dat import DatFileError
+from csi_bridge.netlink import DEFAULT_CONNECTOR_IDX, NetlinkError, NetlinkFeeder
+from csi_bridge.replay import Feeder, play, read_tape
+from csi_bridge.unix_socket import UnixFeeder
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0.01, max=1000),
+    default=1.0,
+    show_default=True,
+    help="How much faster than recorded. Times fit the card's stamps only at 1.",
+)
+@click.option(
+    "--connector-idx",
+    type=click.IntRange(1, 32),
+    default=DEFAULT_CONNECTOR_IDX,
+    show_default=True,
+    help="Netlink connector group of the service.",
+)
+@click.option("--unix", "unix_path", type=click.Path(path_type=Path), help="Instead, the service's CSI socket.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
+def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, json_path: Path | None) -> None:
+    """Play the CSI log FILE to a running service, which cannot tell it from the driver.
+
+    Needs root for the connector; the service must be configured with csi.require_kernel_sender: false.
+    """
+    try:
+        tape = read_tape(file)
+        feeder: Feeder = NetlinkFeeder(connector_idx) if unix_path is None else UnixFeeder(unix_path)
+    except DatFileError as error:
+        raise CompanionError(str(error)) from None
+    except NetlinkError as error:
+        raise CompanionError(f"connector {connector_idx}: {error.strerror}; --unix SOCKET works without") from None
+    start_s = time.monotonic()
+    sent = taken = 0
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"feeding {file.name}", total=len(tape.records))
+        for progressed in play(tape, feeder, rate):
+            sent, taken = progressed
+            progress.update(task, completed=sent)
+    feeder.close()
+    result = {
+        "file": str(file),
+        "records": sent,
+        "taken": taken,
+        "recorded_s": tape.duration_s,
+        "seconds": time.monotonic() - start_s,
+    }
+    click.echo(f"{file.name}: {sent} records in {result['seconds']:.2f} s, {sent - taken} refused by the receiver")
+    if json_path is not None:
+        try:
+            json_path.write_text(json.dumps(result, indent=2) + "\n")
+        except OSError as error:
+            raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None

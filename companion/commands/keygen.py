@@ -1,0 +1,21 @@
+"""`companion keygen`: secret keys for the neighbours' datagrams."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from companion.keys import write_key
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
+def keygen(files: tuple[Path, ...]) -> None:
+    """Write a new random key to each FILE, readable by its owner only.
+
+    One key for each robot that sends; every robot that hears it needs a copy. An existing file is never replaced.
+    """
+    for path in files:
+        write_key(path)
+        click.echo(f"{path}: new key")

@@ -1,0 +1,62 @@
+"""One transmitter behind two names: profiles that stay the same over several apertures come from one place.
+
+Two robots that stand apart have profiles that differ, and at the latest when somebody has moved; a robot that sends
+under several identities has one profile for all of them (the paper's fingerprint). What is compared is the part of a
+profile above its own mean, since far from the peaks all profiles are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+_ALIKE: Final = 0.95
+_APERTURES: Final = 3
+_KEPT: Final = 8
+
+
+class Lookalikes:
+    """Takes the profiles of all iterations and tells which neighbours cannot be told apart."""
+
+    def __init__(self, names: Mapping[int, str]) -> None:
+        self._names = names
+        self._profiles: dict[int, dict[int, npt.NDArray[np.float32]]] = {}
+        """By the start of the iteration, then by peer."""
+        self._streak: dict[tuple[int, int], int] = {}
+
+    def add(self, peer: int, start_ns: int, profile: bytes) -> str:
+        """A profile (180, 360) as float16 bytes of the iteration that began at `start_ns`, empty for a refusal. Returns
+        why this peer is in doubt, or nothing."""
+        if profile:
+            others = self._profiles.setdefault(start_ns, {})
+            ours = _above_mean(np.frombuffer(profile, np.float16).astype(np.float32))
+            for other, theirs in others.items():
+                pair = (min(peer, other), max(peer, other))
+                self._streak[pair] = self._streak.get(pair, 0) + 1 if likeness(ours, theirs) > _ALIKE else 0
+            others[peer] = ours
+            while len(self._profiles) > _KEPT:
+                self._profiles.pop(next(iter(self._profiles)))
+        twins = [name for pair in self._pairs() if peer in pair for name in pair if name != peer]
+        names = ", ".join(self._names[twin] for twin in twins)
+        return f"its profile cannot be told from that of {names}: one transmitter behind both?" if twins else ""
+
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of the neighbours that look like one."""
+        return tuple((self._names[a], self._names[b]) for a, b in self._pairs())
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        known = sorted(self._names)
+        return [pair for pair in combinations(known, 2) if self._streak.get(pair, 0) >= _APERTURES]
+
+
+def likeness(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> float:
+    """Cosine of the angle between two profiles, 1 for the same."""
+    return float(a @ b / max(float(np.sqrt((a @ a) * (b @ b))), 1e-12))
+
+
+def _above_mean(profile: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    return np.asarray(np.maximum(profile - profile.mean(), 0))

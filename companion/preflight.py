@@ -1,0 +1,165 @@
+"""What must be so before the vehicle is engaged: PX4's parameters and the state of every part. Pure.
+
+Each entry says what is wrong, what is wanted and why, so that a person can act on the whole list at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+_VISION_BITS: Final = 1 | 2 | 8
+"""EKF2_EV_CTRL: horizontal position, vertical position, yaw."""
+
+
+class Needed(StrEnum):
+    """When a parameter matters."""
+
+    ALWAYS = "always"
+    GPS = "with GPS"
+    VISION = "without GPS"
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """One parameter of PX4, as docs.px4.io describes it, and the values with which the safety case holds."""
+
+    name: str
+    needed: Needed
+    accepts: Callable[[float], bool]
+    wanted: str
+    why: str
+
+    def problem(self, value: float) -> str:
+        return f"parameter {self.name} is {value:g}; wanted {self.wanted}: {self.why}"
+
+
+REQUIREMENTS: Final = (
+    Requirement(
+        "COM_OF_LOSS_T", Needed.ALWAYS, lambda v: 0 < v <= 1.0, "at most 1 s",
+        "so long PX4 flies on after the last set point of a companion that died",
+    ),
+    Requirement(
+        "COM_OBL_RC_ACT", Needed.ALWAYS, lambda v: v in (4, 5), "4 (land) or 5 (hold)",
+        "what PX4 does when the stream is lost; its default 0 descends when there is no RC",
+    ),
+    Requirement(
+        "COM_RC_OVERRIDE", Needed.ALWAYS, lambda v: int(v) & 3 == 3, "3",
+        "moving the sticks must give the pilot the vehicle in auto modes (1) and in OFFBOARD (2)",
+    ),
+    Requirement(
+        "GF_ACTION", Needed.ALWAYS, lambda v: v in (2, 3, 5), "2 (hold), 3 (return) or 5 (land)",
+        "PX4's own geofence is the barrier behind ours; 0 and 1 do nothing, 4 stops the motors",
+    ),
+    Requirement(
+        "SYS_HAS_GPS", Needed.GPS, lambda v: v == 1, "1", "autopilot.gps says that the position comes from GPS",
+    ),
+    Requirement(
+        "EKF2_EV_CTRL", Needed.GPS, lambda v: v == 0, "0",
+        "with GPS our poses are not for the estimator: two positions would pull at each other",
+    ),
+    Requirement(
+        "SYS_HAS_GPS", Needed.VISION, lambda v: v == 0, "0", "without GPS PX4 must not wait for it before arming",
+    ),
+    Requirement(
+        "EKF2_EV_CTRL", Needed.VISION, lambda v: int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
+        "position, height and yaw come from our poses (bits 1, 2 and 8; 4 adds velocity)",
+    ),
+    Requirement(
+        "EKF2_GPS_CTRL", Needed.VISION, lambda v: v == 0, "0",
+        "a GPS fix through a window would pull the estimate away from the poses",
+    ),
+    Requirement(
+        "EKF2_HGT_REF", Needed.VISION, lambda v: v == 3, "3 (vision)",
+        "the height the legs are flown at is that of the poses",
+    ),
+)  # fmt: skip
+"""docs/safety.md has this table, generated."""
+
+
+def required_parameters(gps: bool) -> tuple[Requirement, ...]:
+    """Those that matter for a vehicle with GPS, or for one without."""
+    needed = (Needed.ALWAYS, Needed.GPS if gps else Needed.VISION)
+    return tuple(requirement for requirement in REQUIREMENTS if requirement.needed in needed)
+
+
+def parameter_problems(values: Mapping[str, float | str], gps: bool) -> Iterator[str]:
+    """One line for each wrong one of `values`, which has a number for each required name, or why it was not read."""
+    for requirement in required_parameters(gps):
+        value = values[requirement.name]
+        if isinstance(value, str):
+            yield f"{value}; wanted {requirement.wanted}: {requirement.why}"
+        elif not requirement.accepts(value):
+            yield requirement.problem(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Readiness:
+    """What the service knows of itself now. Ages in seconds, infinite for what was never there."""
+
+    observes: bool
+    autopilot_problem: str
+    heartbeat_age_s: float
+    has_position: bool
+    estimator_age_s: float
+    estimator_healthy: bool
+    failsafe: bool
+    flown_in: str
+    """The mode in which the vehicle is in the air, where that is not hold; else empty."""
+    timesync_age_s: float
+    battery: float | None
+    pose_problem: str
+    north_problem: str
+    datagram_age_s: float
+    packet_age_s: float
+    bad_signatures: int
+    clock_problem: str
+    """Why the target's clock is not related to ours."""
+    aoa_ready: bool
+    recorder_failed: bool
+    free_mib: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReadinessLimits:
+    """The configuration's part in it."""
+
+    silent_s: float
+    min_battery: float
+    min_free_mib: float
+
+
+_HEARTBEAT_S: Final = 2.0
+_ESTIMATOR_S: Final = 3.0
+_TIMESYNC_S: Final = 3.0
+
+
+def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
+    """All that is missing, in words."""
+    linked = not now.autopilot_problem and now.heartbeat_age_s <= _HEARTBEAT_S
+    forged = f" ({now.bad_signatures} came with a wrong signature: compare the keys)" if now.bad_signatures else ""
+    low = now.battery is not None and now.battery < limits.min_battery
+    problems = {
+        "the service observes; mission.control: fly lets it be engaged": now.observes,
+        f"no heartbeat of the autopilot{': ' if now.autopilot_problem else ''}{now.autopilot_problem}": not linked,
+        "the autopilot has no local position": not now.has_position,
+        "the autopilot's estimator tells nothing of itself": linked and now.estimator_age_s > _ESTIMATOR_S,
+        "the autopilot's estimator is not healthy": now.estimator_age_s <= _ESTIMATOR_S and not now.estimator_healthy,
+        "the autopilot is in a failsafe": now.failsafe,
+        f"the vehicle is flown in mode {now.flown_in}; put it into hold first": bool(now.flown_in),
+        "clocks: the autopilot takes no part in TIMESYNC": linked and now.timesync_age_s > _TIMESYNC_S,
+        f"the battery is low: {100 * (now.battery or 0):.0f} %, wanted {100 * limits.min_battery:.0f}": low,
+        f"no fresh poses: {now.pose_problem}": bool(now.pose_problem),
+        now.north_problem: bool(now.north_problem),
+        f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
+        "no packets of the target": now.packet_age_s > limits.silent_s,
+        # Nothing can be related before packets and datagrams come, and that is said already.
+        now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,
+        "the AOA worker is not ready": not now.aoa_ready,
+        "the recorder has stopped": now.recorder_failed,
+        f"the disk has {now.free_mib:.0f} MiB left, wanted {limits.min_free_mib:.0f}": now.free_mib
+        < limits.min_free_mib,
+    }
+    return [text for text, is_so in problems.items() if is_so]

@@ -1,0 +1,139 @@
+"""A simulated radio link for the studies: the simulator's cards and rooms, along any two paths of the antennas.
+
+The channel is that of `companion.sim`: reflections, 30 subcarriers, turnaround jitter, detection delays, oscillator and
+clock offsets, noise and int8 reports. The antenna sits on the path itself, so no lever arm comes in.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from numpy.random import SeedSequence
+
+from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
+from companion.sim.scenario import CsiEndpoint, RadioScenario, Reflector, RobotScenario, Scenario
+from companion.sim.trajectory import Trajectory
+from csi_bridge.records import CsiRecord
+from wsr.aperture import Aperture, make_aperture
+from wsr.channel import centre_channel, pair_by_counter, wavelength_m
+
+Array = npt.NDArray[np.float64]
+
+CLOCK_OFFSET_S = 38.0
+"""Of the ground robot's host clock, as in the recordings."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """K exchanges that both ends recorded: times (K,) on our clock and on the other's own, channels (K, 30) of both
+    directions, stamps (K, 2) of both cards."""
+
+    t_s: Array
+    other_t_s: Array
+    forward: npt.NDArray[np.complex64]
+    reverse: npt.NDArray[np.complex64]
+    nic_us: Array
+    channel: int
+
+    def aperture(
+        self, p_i_m: Array, p_j_m: Array | None = None, keep: npt.NDArray[np.bool_] | None = None, min_packets: int = 20
+    ) -> Aperture:
+        """With antenna positions (K, 3) as each robot believes them. Raises ApertureError."""
+        chosen = np.ones(self.t_s.size, np.bool_) if keep is None else keep
+        forward, reverse = self.forward[chosen], self.reverse[chosen]
+        return make_aperture(
+            self.t_s[chosen],
+            p_i_m[chosen],
+            centre_channel(forward) * centre_channel(reverse),
+            wavelength_m(self.channel),
+            p_j_m=None if p_j_m is None else p_j_m[chosen],
+            min_packets=min_packets,
+            forward=forward,
+            reverse=reverse,
+            nic_us=self.nic_us[chosen],
+        )
+
+
+def room(rng: np.random.Generator, radio: RadioScenario | None = None, occluded: bool = False) -> RadioScenario:
+    """A hall with a floor and two walls 6 to 12 m off, of random gain 0.1 to 0.3 and phase.
+
+    Occluded: something takes 10 dB off the direct path, the walls reflect as before.
+    """
+    azimuth = rng.uniform(-math.pi, math.pi)
+    walls = [
+        Reflector(
+            (math.cos(azimuth + turn), math.sin(azimuth + turn), 0.0),
+            rng.uniform(6.0, 12.0),
+            rng.uniform(0.1, 0.3),
+            rng.uniform(-math.pi, math.pi),
+        )
+        for turn in (0.0, math.pi / 2)
+    ]
+    floor = Reflector((0.0, 0.0, 1.0), 0.0, rng.uniform(0.1, 0.3), rng.uniform(-math.pi, math.pi))
+    base = RadioScenario() if radio is None else radio
+    return replace(base, reflectors=(floor, *walls), direct_gain=0.32 if occluded else 1.0)
+
+
+def scenario(seed: SeedSequence, radio: RadioScenario) -> Scenario:
+    """Two robots with cards of random crystals; antennas on the tracked points. Nothing here opens a socket."""
+    rng = np.random.default_rng(seed.spawn(1)[0])
+    ppm = rng.uniform(-2.0, 2.0, 2)
+
+    def robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
+        points = ((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0))
+        return RobotScenario(
+            mac, CsiEndpoint("unix", path=name), name, points, (0.0, -22.0, -24.0), oscillator_ppm, clock_offset_s
+        )
+
+    return Scenario(
+        seed=int(seed.generate_state(1)[0]),
+        uav=robot("uav", "00:21:6A:00:00:01", float(ppm[0]), 0.0),
+        beacon=robot("beacon", "00:21:6A:00:00:02", float(ppm[1]), CLOCK_OFFSET_S),
+        truth_in="none",
+        truth_out="none",
+        radio=radio,
+    )
+
+
+def hear(world: Scenario, uav: Trajectory, beacon: Trajectory) -> Heard:
+    """The exchanges along two true trajectories, paired by their counters as on a real link."""
+    at_uav, at_beacon = simulate_exchanges(world, uav, beacon)
+    i, j = pair_by_counter(_counters(at_uav), _counters(at_beacon))
+    ours, theirs = [at_uav[k] for k in i], [at_beacon[k] for k in j]
+    stamps = np.array([[a.timestamp_low_us, b.timestamp_low_us] for a, b in zip(ours, theirs, strict=True)], float)
+    return Heard(
+        _host_s(ours),
+        _host_s(theirs),
+        _csi(ours),
+        _csi(theirs),
+        np.unwrap(stamps, axis=0, period=float(1 << 32)),
+        world.radio.channel,
+    )
+
+
+def trajectory(points_m: Array, speed_m_s: float, start_s: float = 1.0) -> Trajectory:
+    """Flown along a polyline (N, 3) at constant speed, nose to the East."""
+    steps = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
+    t_s = start_s + np.concatenate([[0.0], np.cumsum(steps)]) / speed_m_s
+    return Trajectory(t_s, points_m, np.zeros(len(points_m)))
+
+
+def standing(point_m: Array, start_s: float, end_s: float) -> Trajectory:
+    """At one place."""
+    return Trajectory(np.array([start_s, end_s]), np.array([point_m, point_m]), np.zeros(2))
+
+
+def _counters(records: list[CsiRecord]) -> npt.NDArray[np.int64]:
+    return np.array([record.frame_count for record in records], np.int64)
+
+
+def _host_s(records: list[CsiRecord]) -> Array:
+    return np.array([(record.host_time_ns or 0) - DEFAULT_EPOCH_NS for record in records], np.float64) * 1e-9
+
+
+def _csi(records: list[CsiRecord]) -> npt.NDArray[np.complex64]:
+    """(K, 30) of antenna A, which alone carries signal, wherever the card put it."""
+    return np.array([record.csi[:, record.antennas.index(0), 0] for record in records], np.complex64)

@@ -1,0 +1,78 @@
+"""Trials and what runs them: the same seed gives the same numbers, whatever the parallelism.
+
+Trial i of a study has its own random stream, child i of the study's seed (`numpy.random.SeedSequence`), and sees
+nothing but its specification. Numerical libraries run on one thread, because sums split over threads round otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from numpy.random import SeedSequence
+from threadpoolctl import threadpool_limits
+
+from companion.errors import CompanionError
+
+S = TypeVar("S")
+R = TypeVar("R")
+
+_BATCHES_A_WORKER = 12
+"""Enough that a slow batch at the end holds nothing up for long, and the progress bar moves."""
+
+
+class TrialError(CompanionError):
+    """A trial, or what runs the trials, failed; the message says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch(Generic[S]):
+    """Consecutive trials `first`, `first` + 1, ... of a study with `seed`."""
+
+    first: int
+    specs: tuple[S, ...]
+    seed: int
+
+
+class Runner(Protocol):
+    """Carries out trials. `run` returns their rows in the order of the specifications, and calls `on_done` with the
+    number of trials each time some have ended. Raises TrialError."""
+
+    @property
+    def name(self) -> str: ...
+
+    def run(
+        self,
+        trial: Callable[[S, SeedSequence], R],
+        specs: Sequence[S],
+        seed: int,
+        on_done: Callable[[int], None],
+    ) -> list[R]: ...
+
+
+def trial_seed(seed: int, index: int) -> SeedSequence:
+    """The random stream of trial `index`: that of `SeedSequence(seed).spawn(...)[index]`."""
+    return SeedSequence(seed, spawn_key=(index,))
+
+
+def batches(specs: Sequence[S], seed: int, workers: int) -> Iterator[Batch[S]]:
+    """All trials in order; how they are cut does not show in the results."""
+    size = max(1, math.ceil(len(specs) / (workers * _BATCHES_A_WORKER)))
+    for first in range(0, len(specs), size):
+        yield Batch(first, tuple(specs[first : first + size]), seed)
+
+
+def run_batch(trial: Callable[[S, SeedSequence], R], batch: Batch[S]) -> list[R]:
+    """The rows of one batch, in a worker process. Raises TrialError with the number of the trial that failed."""
+    rows = []
+    with threadpool_limits(1):
+        for index, spec in enumerate(batch.specs, start=batch.first):
+            try:
+                rows.append(trial(spec, trial_seed(batch.seed, index)))
+            except CompanionError as error:
+                raise TrialError(f"trial {index} (seed {batch.seed}): {error}") from None
+            except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+                raise TrialError(f"trial {index} (seed {batch.seed}): {type(error).__name__}: {error}") from error
+    return rows

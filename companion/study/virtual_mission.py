@@ -1,0 +1,245 @@
+"""One mission at virtual time: the service's own flight, mission, gate, guidance, window, worker and tracker code over
+a kinematic vehicle, drifting cameras and the simulated radio.
+
+What is left out of the service: sockets and pipes, parsing of records, the map from card time to host time, the
+recorder, take-off and the autopilot (the vehicle starts in a hover and grants every mode at once).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+from numpy.random import SeedSequence
+
+from companion import wire
+from companion.aoa_process import AoaProcess
+from companion.beacon import Beacon
+from companion.broadcast import NeighbourSender
+from companion.clock import NS_PER_S
+from companion.config import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
+from companion.flight import Flight
+from companion.messages import Pose, Vector3
+from companion.mission import State
+from companion.neighbours import NeighbourReceiver
+from companion.node import Node
+from companion.recorder import Recorder
+from companion.sar import Iteration, SarIterations
+from companion.sim.scenario import Scenario
+from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
+from companion.study.virtual_clock import VirtualClock
+from companion.study.virtual_parts import AIRFRAME_S, BEACON_ID, UAV_ID, CameraFeed, InlineWorker, RadioFeed, Vehicle
+from companion.window import SarWindow
+from wsr.channel import wavelength_m
+from wsr.displacement import antenna_positions
+
+Array = npt.NDArray[np.float64]
+
+RENDEZVOUS_M = 2.0
+_KEY = bytes(wire.MIN_KEY_BYTES)
+_BOOT_ID = 1
+_START_NS = 5 * NS_PER_S  # apertures and cameras want some past
+_BATCH_S = 0.2
+_LEVER_M: Vector3 = (0.06, 0.03, -0.05)
+_BEACON_LEVER_M: Vector3 = (0.0, 0.0, 0.5)
+_OVER = frozenset({State.IDLE, State.LATCHED, State.FAULT, State.LANDING, State.ARRIVED})
+
+logging.getLogger("companion.flight").addHandler(logging.NullHandler())
+
+
+@dataclass(frozen=True, slots=True)
+class MissionPoint:
+    """One SAR iteration with the truth at its reference point and time; positions of the antennas."""
+
+    iteration: Iteration
+    uav_enu_m: Vector3
+    beacon_enu_m: Vector3
+    is_beacon_moving: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MissionResult:
+    reached: bool
+    """The antennas came within 2 m."""
+    time_s: float
+    """From engaging to that, or to the end."""
+    closest_m: float
+    end: str
+    points: list[MissionPoint]
+
+
+def config() -> Config:
+    """The defaults of a vehicle, on channel 108; its files and sockets are never opened."""
+    return Config(
+        role="uav",
+        id=UAV_ID,
+        name="uav",
+        csi=CsiConfig(channel=108, source="unix"),
+        neighbours=NeighbourConfig(key_file="none"),
+        peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
+        pose=PoseConfig(antenna_m=_LEVER_M),
+        mission=MissionConfig(control="fly"),
+        autopilot=AutopilotConfig("none"),
+    )
+
+
+def with_levers(scenario: Scenario) -> Scenario:
+    """The scenario with the antennas of both robots off their cameras, as on the vehicles."""
+    uav, beacon = (
+        replace(robot, antennas_m=((x, y, z), (x, y + 0.06, z), (x, y - 0.06, z)))
+        for robot, (x, y, z) in ((scenario.uav, _LEVER_M), (scenario.beacon, _BEACON_LEVER_M))
+    )
+    return replace(scenario, uav=uav, beacon=beacon)
+
+
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+    """The same arguments give the same mission."""
+    return asyncio.run(_fly(scenario, seed, max_time_s))
+
+
+async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+    clock = VirtualClock()
+    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s)
+    flying = asyncio.create_task(world.flight.run())
+    await clock.run(world.live)
+    flying.cancel()
+    await asyncio.gather(flying, return_exceptions=True)
+    if not flying.cancelled() and (error := flying.exception()) is not None:
+        raise error
+    return world.result()
+
+
+class _World:
+    """Everything around the flight. Physics goes on in small steps, radio and cameras in batches."""
+
+    def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
+        settings = config()
+        self._clock = clock
+        self._end_ns = _START_NS + round(max_time_s * NS_PER_S)
+        self._vehicle = Vehicle(gust_seed, settings.mission.takeoff_height_m, clock)
+        self._track, self._drive = VehicleTrack(), BeaconDrive(scenario)
+        self._radio = RadioFeed(scenario)
+        self._window = SarWindow(
+            settings.pose.antenna_m,
+            wavelength_m(settings.csi.channel),
+            settings.aperture.min_packets,
+            settings.aperture.max_pose_gap_s,
+        )
+        receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: (_KEY,)}, clock)
+        self._receiver = receiver
+        self._sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, settings.neighbours.pose_rate_hz, _BOOT_ID)
+        self._beacon = Beacon(self._sender)
+        self._cameras = (CameraFeed(scenario, 0), CameraFeed(scenario, 1))
+        self._worker = InlineWorker(settings.aperture.estimator, clock)
+        self._sar = SarIterations(
+            self._window,
+            cast(AoaProcess, self._worker),
+            receiver.neighbours,
+            settings.aperture,
+            clock,
+            self._on_iteration,
+        )
+        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False)
+        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
+        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False, counters=dict))
+        self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
+        self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
+        self._engaging: asyncio.Task[str] | None = None
+        self._batch_s = self._step_s = 0.0
+        self._truth: list[tuple[float, Vector3, Vector3]] = []
+        self._points: list[MissionPoint] = []
+        self._moving_from_s = math.inf
+        self._iterations: list[Iteration] = []
+
+    def live(self, now_ns: int) -> bool:
+        """Lives on until `now_ns`; False when the mission is over."""
+        now_s = now_ns / NS_PER_S
+        while self._step_s + AIRFRAME_S <= now_s:
+            self._step_s += AIRFRAME_S
+            if self._step_s * NS_PER_S > _START_NS:
+                self._vehicle.step()
+            self._track.append(self._step_s, self._vehicle.airframe.p_enu_m, self._vehicle.airframe.yaw_enu_rad)
+        if now_s - self._batch_s >= _BATCH_S and self._step_s > self._batch_s:
+            self._deliver(self._batch_s, self._step_s)
+            self._batch_s = self._step_s
+        for result in self._worker.due(now_ns):
+            self._sar.take(result)
+        refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
+        if refused and now_ns >= _START_NS:
+            self._engaging = asyncio.ensure_future(self.flight.engage())
+        return not self._is_over(now_ns)
+
+    def result(self) -> MissionResult:
+        apart = [math.dist(uav, beacon) for _, uav, beacon in self._truth]
+        reached = bool(apart) and apart[-1] <= RENDEZVOUS_M
+        time_s = max(0.0, self._clock.now_ns() - _START_NS) / NS_PER_S
+        end = "rendezvous" if reached else str(self.flight.state)
+        self._points = [self._point(iteration) for iteration in self._iterations]
+        return MissionResult(reached, time_s, min(apart, default=math.inf), end, self._points)
+
+    def _is_over(self, now_ns: int) -> bool:
+        if now_ns >= self._end_ns:
+            return True
+        if self._truth and math.dist(*self._truth[-1][1:]) <= RENDEZVOUS_M:
+            return True
+        return now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER
+
+    def _deliver(self, from_s: float, until_s: float) -> None:
+        """Poses, packets and datagrams of one batch."""
+        uav = self._track.trajectory(from_s - _BATCH_S, until_s)
+        beacon = self._drive.trajectory(max(0.0, from_s - _BATCH_S), until_s)
+        self._note_truth(until_s, uav, beacon)
+        for pose in self._cameras[0].poses(until_s, uav):
+            self._window.add_pose(pose)
+        self._share_poses(self._cameras[1].poses(until_s, beacon))
+        # Between legs nothing is measured: one batch now and then shows that the target is there.
+        idle = self._sar.start_ns is None and round(until_s / _BATCH_S) % 3
+        if idle:
+            self._radio.skip_to(until_s)
+        else:
+            for peer_is_beacon, sample in self._radio.samples(until_s, uav, beacon):
+                if peer_is_beacon:
+                    self._window.add_sample(sample)
+                    self._receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
+                    self.flight.heard(sample.peer, sample.t_mono_ns)
+                else:
+                    self._beacon.add_sample(sample)
+        for datagram in self._sender.datagrams(round(until_s * NS_PER_S) + self._beacon_clock_ns):
+            self._receiver.take(datagram)
+
+    def _share_poses(self, poses: list[Pose]) -> None:
+        """The beacon's, as its service queues them for the next datagram."""
+        if not poses:
+            return
+        p_m, q_wxyz = np.array([p.p_enu_m for p in poses]), np.array([p.q_enu_from_body for p in poses])
+        for pose, antenna_m in zip(poses, antenna_positions(p_m, q_wxyz, _BEACON_LEVER_M), strict=True):
+            if self._sender.wants_pose(pose.t_mono_ns):
+                self._sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
+
+    def _note_truth(self, t_s: float, uav: Trajectory, beacon: Trajectory) -> None:
+        at = np.array([t_s])
+        u, b = (
+            tuple(robot.antennas_at(at, np.array([lever]))[0, 0].tolist())
+            for robot, lever in ((uav, _LEVER_M), (beacon, _BEACON_LEVER_M))
+        )
+        self._truth.append((t_s, u, b))
+        self._drive.watch(t_s, math.dist(u, b))
+        if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
+            self._moving_from_s = t_s
+
+    def _on_iteration(self, iteration: Iteration, profile: bytes) -> None:
+        self._iterations.append(iteration)
+        self.flight.take(iteration, profile)
+
+    def _point(self, iteration: Iteration) -> MissionPoint:
+        t_s = iteration.reference_ns / NS_PER_S
+        times = [t for t, _, _ in self._truth]
+        ends = [np.array([row[i] for row in self._truth]) for i in (1, 2)]
+        uav, beacon = (tuple(float(np.interp(t_s, times, p[:, axis])) for axis in range(3)) for p in ends)
+        return MissionPoint(iteration, cast(Vector3, uav), cast(Vector3, beacon), t_s >= self._moving_from_s)

@@ -1,0 +1,91 @@
+"""CSI in absolute units, its subcarriers, and the spatial mapping of the sender taken out.
+
+The card scales each report to its 8 bits; the power is in rssi and agc. Formulae and matrices are those of the 802.11n
+CSI Tool's get_total_rss.m, get_scaled_csi.m and remove_sm.m (D. Halperin).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from csi_bridge.records import SUBCARRIERS, CsiRecord
+
+HT_FLAG: Final = 1 << 8
+HT40_FLAG: Final = 1 << 11
+"""Bits of the rate field (rate_n_flags of iwlwifi)."""
+INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
+INDICES_40MHZ: Final = (*range(-58, 0, 4), *range(2, 59, 4))
+_RSSI_OFFSET_DB: Final = 44
+_NO_NOISE: Final = -127
+_DEFAULT_NOISE_DBM: Final = -92
+# The transmitter shares its power among its streams: 2 take 3 dB. The CSI Tool counts 4.5 dB, not 4.8, for 3.
+_STREAM_GAIN: Final = (1.0, np.sqrt(2.0), 10 ** (4.5 / 20))
+
+Complex = npt.NDArray[np.complex64]
+
+
+def is_40mhz(rate: int) -> bool:
+    return bool(rate & HT40_FLAG)
+
+
+def subcarrier_indices(rate: int) -> npt.NDArray[np.int64]:
+    """Indices (30,) of the subcarriers in a report at this rate, in steps of 312.5 kHz from the channel centre."""
+    indices = INDICES_40MHZ if is_40mhz(rate) else INDICES_20MHZ
+    assert len(indices) == SUBCARRIERS
+    return np.array(indices, np.int64)
+
+
+def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:
+    """Received power over all antennas [dBm]; -inf where no antenna reports any. rssi 0 marks an absent antenna."""
+    total = sum(10 ** (value / 10) for value in rssi if value)
+    return 10 * float(np.log10(total)) - _RSSI_OFFSET_DB - agc if total else -np.inf
+
+
+def scaled_csi(record: CsiRecord) -> Complex:
+    """CSI (30, n_rx, n_tx) whose squared magnitude is the signal to noise ratio (thermal noise and the report's own
+    rounding), each stream as if sent with all the power."""
+    power = float(np.square(np.abs(record.csi)).sum())
+    if power == 0:
+        return record.csi.copy()
+    scale = 10 ** (total_rss_dbm(record.rssi, record.agc) / 10) / (power / SUBCARRIERS)
+    noise_dbm = _DEFAULT_NOISE_DBM if record.noise_dbm == _NO_NOISE else record.noise_dbm
+    noise = 10 ** (noise_dbm / 10) + scale * record.n_rx * record.n_tx
+    return np.asarray(record.csi * np.float32(np.sqrt(scale / noise) * _STREAM_GAIN[record.n_tx - 1]), np.complex64)
+
+
+def power_csi(record: CsiRecord) -> Complex:
+    """CSI (30, n_rx, n_tx) in sqrt(mW): the mean over subcarriers of its summed power is what was received."""
+    power = float(np.square(np.abs(record.csi)).sum())
+    if power == 0:
+        return record.csi.copy()
+    scale = 10 ** (total_rss_dbm(record.rssi, record.agc) / 10) / (power / SUBCARRIERS)
+    return np.asarray(record.csi * np.float32(np.sqrt(scale)), np.complex64)
+
+
+def without_spatial_mapping(csi: Complex, rate: int) -> Complex:
+    """CSI (..., n_rx, n_tx) per transmit antenna, where the sender mixed its streams over them: HT rates of two or
+    three streams. Anything else is returned as it is."""
+    n_tx = csi.shape[-1]
+    if n_tx == 1 or not rate & HT_FLAG:
+        return csi
+    return np.asarray(csi @ _mapping(n_tx, is_40mhz(rate)), np.complex64)
+
+
+@lru_cache(maxsize=8)
+def _mapping(n_tx: int, wide: bool) -> Complex:
+    """The conjugate transpose of the sender's unitary matrix."""
+    if n_tx == 2:
+        cross = 1j if wide else 1.0
+        matrix = np.array([[1, cross], [cross, 1 if wide else -1]]) / np.sqrt(2)
+    else:
+        turns = (
+            [[-1 / 16, -13 / 80, 23 / 80], [-37 / 80, -11 / 48, -107 / 240], [7 / 80, -83 / 240, -11 / 48]]
+            if wide
+            else [[-1 / 16, -33 / 80, 3 / 80], [23 / 80, 13 / 48, 13 / 240], [-13 / 80, 37 / 240, 13 / 48]]
+        )
+        matrix = np.exp(2j * np.pi * np.array(turns)) / np.sqrt(3)
+    return np.asarray(matrix.conj().T, np.complex64)

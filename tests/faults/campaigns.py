@@ -1,0 +1,12 @@
+"""How long the campaigns of the fault tests are: short in `make test`, full in `make faults`."""
+
+from __future__ import annotations
+
+import os
+from typing import Final
+
+FULL: Final = os.environ.get("COMPANION_FAULTS") == "full"
+
+
+def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
+    return full if FULL else short

@@ -1,0 +1,167 @@
+"""The relation of two robots' clocks: over a lossy network (fault 22), with broken counters (24), without counters."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+from companion import wire
+from companion.broadcast import NeighbourSender
+from companion.clock import NS_PER_S, ManualClock
+from companion.clock_relation import ClockRelation, card_times, match
+from companion.neighbours import NeighbourReceiver, Standing
+from tests.faults.figures import record as note
+from tests.unit.test_window import Scene
+from tests.unit.test_wire import KEY, KEYS, boot
+
+OFFSET_NS = 56 * NS_PER_S + 370_000_000
+CSI = np.full(30, 20 + 5j, np.complex64)
+
+
+class Pair:
+    """A drone that pings at 120/s and a beacon whose clock is another: what each stamps, and datagrams in between."""
+
+    def __init__(self, seed: int = 1) -> None:
+        self.rng = random.Random(seed)
+        self.clock = ManualClock(100 * NS_PER_S)
+        self.receiver = NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, self.clock)
+        self.sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, boot(1))
+        self.beacon = self.receiver.neighbours[2]
+        self.on_the_way: list[tuple[int, bytes]] = []
+        self.frame = 0
+        self.ages: list[tuple[float, float]] = []
+
+    def run(
+        self, seconds: float, loss: float = 0.0, delay_s: float = 0.001, jitter_s: float = 0.0,
+        duplicates: float = 0.0, counter_error: int = 0,
+    ) -> None:  # fmt: skip
+        """`counter_error`: the beacon's counters are wrong by up to so much, another amount each time."""
+        for step in range(round(seconds * 1000)):
+            self.clock.advance(0.001)
+            now_ns = self.clock.now_ns()
+            if step % 8 == 0:
+                self.frame += 1
+                turnaround_ns = 300_000 + round(self.rng.gauss(0, 20_000))
+                theirs_ns = now_ns - turnaround_ns + OFFSET_NS
+                self.beacon.add_forward(self.frame, now_ns, (now_ns // 1000) & 0xFFFFFFFF)
+                shown = max(1, self.frame + self.rng.randint(-counter_error, counter_error))
+                self.sender.add_channel(shown, theirs_ns, theirs_ns // 1000 & 0xFFFFFFFF, CSI, -50.0, 0)
+            if step % 100 == 99:
+                for data in self.sender.datagrams(now_ns + OFFSET_NS):
+                    for _ in range(1 + (self.rng.random() < duplicates)):
+                        if self.rng.random() >= loss:
+                            late_s = max(0.0, delay_s + self.rng.uniform(-jitter_s, jitter_s))
+                            self.on_the_way.append((now_ns + round(late_s * NS_PER_S), data))
+            arrived = [item for item in self.on_the_way if item[0] <= now_ns]
+            self.on_the_way = [item for item in self.on_the_way if item[0] > now_ns]
+            for _, data in sorted(arrived, key=lambda item: self.rng.random()):
+                self.receiver.take(data)
+            age_s = self.beacon.data_age_s(now_ns)
+            if age_s is not None:
+                newest_ns = max(d.sent_ns for _, d in self.beacon.received)
+                self.ages.append((age_s, (now_ns + OFFSET_NS - newest_ns) / NS_PER_S))
+
+
+def test_fault_22_the_age_of_data_is_right_over_a_lossy_network() -> None:
+    pair = Pair()
+    pair.run(20.0, loss=0.2, delay_s=0.02, jitter_s=0.01, duplicates=0.1)
+    said, true = np.array(pair.ages).T
+    worst_ms = 1e3 * float(np.abs(said - true).max())
+    assert len(said) > 15_000
+    assert worst_ms < 5.0
+    assert pair.beacon.standing(pair.clock.now_ns()) is Standing.TRACKED
+    assert pair.beacon.refused.replay > 0  # the duplicates
+    rate = pair.beacon.pairing.rate(pair.clock.now_ns())
+    assert rate is not None
+    assert 0.6 < rate < 0.97
+    note(22, "age of data, 20 % lost, 20 +- 10 ms", worst_error_ms=worst_ms, pairing_rate=rate)
+
+
+def test_fault_22_the_bearing_stays_within_a_fifth_of_the_clean_one() -> None:
+    rng = random.Random(22)
+    scenes = [Scene(math.radians(azimuth)) for azimuth in (-130, 10, 45, 100)]
+    clean = [scene.error_deg(scene.cut()) for scene in scenes]
+    lossy = []
+    for scene in scenes:
+        kept = [data for data in scene.datagrams if rng.random() >= 0.2]
+        kept += [data for data in kept if rng.random() < 0.1]
+        # 20 +- 10 ms apart at ten a second: neighbours may overtake each other, no more.
+        order = sorted(range(len(kept)), key=lambda i: i + rng.uniform(-0.6, 0.6))
+        lossy.append(scene.error_deg(scene.cut(datagrams=[kept[i] for i in order])))
+    assert np.mean(lossy) < 1.2 * np.mean(clean) + 0.3
+    note(22, "AOA error over the same network", clean_deg=float(np.mean(clean)), lossy_deg=float(np.mean(lossy)))
+
+
+def test_fault_24_scattered_counters_leave_the_relation_unlocked_and_it_says_why() -> None:
+    pair = Pair()
+    assert "no shared exchanges" in pair.beacon.not_locked(pair.clock.now_ns())
+    pair.run(6.0)
+    assert pair.beacon.not_locked(pair.clock.now_ns()) == ""
+    pair.run(6.0, counter_error=5)
+    reason = pair.beacon.not_locked(pair.clock.now_ns())
+    assert "uncertain by" in reason
+    assert "at most 5 wanted" in reason
+    assert pair.beacon.standing(pair.clock.now_ns()) is Standing.DISCOVERED
+    pair.run(6.0)
+    assert pair.beacon.not_locked(pair.clock.now_ns()) == ""
+    note(24, "counters scattered by +-5", says=reason.split(": ")[-1])
+
+
+@pytest.mark.parametrize("shift", [-4, 4])
+def test_fault_24_shifted_counters_are_never_taken_for_a_clock_that_is_right(shift: int) -> None:
+    """All counters off by a few: only that datagrams would then arrive before they were sent can show it, which a shift
+    the other way does not. What is believed is never a datagram from the future."""
+    pair = Pair()
+    pair.frame = 100
+    original = pair.sender.add_channel
+    pair.sender.add_channel = lambda frame, *rest: original(frame + shift, *rest)  # type: ignore[method-assign]
+    pair.run(5.0)
+    offset = pair.beacon.relation.offset(pair.clock.now_ns())
+    assert offset is not None
+    error_ns = abs(offset.offset_ns - OFFSET_NS)
+    assert error_ns > 20_000_000
+    if offset.offset_ns < OFFSET_NS:
+        assert not offset.is_locked
+    note(24, f"counters shifted by {shift}", error_ms=error_ns * 1e-6, locked=str(offset.is_locked))
+
+
+def test_without_counters_the_times_alone_relate_the_clocks() -> None:
+    rng = np.random.default_rng(3)
+    ours_ns = np.cumsum(4_000_000 + rng.normal(0, 60_000, 1500)).astype(np.int64)
+    pings_ns = ours_ns + OFFSET_NS - 300_000 + rng.normal(0, 30_000, 1500).astype(np.int64)
+    heard_them = rng.random(1500) > 0.06  # a ping they miss is never answered
+    answered = heard_them & (rng.random(1500) > 0.05)
+    reported = heard_them & (rng.random(1500) > 0.005)
+    ours_ns, theirs_ns = ours_ns[answered], pings_ns[reported]
+    relation = ClockRelation(we_ping=True)
+    relation.add_datagram(0, OFFSET_NS - 7_000_000)  # 7 ms on the way
+    lag_ns = relation.add_uncounted(ours_ns, theirs_ns)
+    assert lag_ns is not None
+    assert abs(lag_ns - OFFSET_NS + 300_000) < 100_000
+    offset = relation.offset(int(ours_ns[-1]))
+    assert offset is not None
+    assert offset.is_locked
+    assert abs(offset.offset_ns - OFFSET_NS) < 200_000
+    i, j = match(ours_ns, theirs_ns, lag_ns)
+    assert len(i) > 0.98 * len(ours_ns)
+    assert np.abs(theirs_ns[j] - ours_ns[i] - OFFSET_NS + 300_000).max() < 400_000
+
+
+def test_a_perfectly_regular_series_tells_nothing() -> None:
+    ours_ns = np.arange(1500, dtype=np.int64) * 4_000_000
+    relation = ClockRelation(we_ping=True)
+    relation.add_datagram(0, 0)
+    assert relation.lag_ns(ours_ns, ours_ns) is None
+
+
+def test_card_times_follow_the_cards_clock_across_its_wrap() -> None:
+    nic_us = (np.arange(100) * 5000 + 4_294_900_000) % (1 << 32)
+    t_ns = np.arange(100, dtype=np.int64) * 5_000_000 + 17
+    jittered = t_ns + np.random.default_rng(1).integers(0, 3_000_000, 100)
+    times = card_times(nic_us, jittered)
+    assert np.unique(np.diff(times)).tolist() == [5_000_000]
+    assert 0 < times[0] - 17 < 3_000_000
+    assert len(card_times(nic_us[:0], t_ns[:0])) == 0

@@ -1,0 +1,230 @@
+"""Fault 7: a long mission, faster than real time, must not grow.
+
+The service's own parts (flight loop, gate, SAR window, neighbours with signed datagrams, pose intake, recorder) on a
+manual clock; the autopilot is the mock's commander without its sockets, the AOA worker an answer that leads the vehicle
+in circles. Two minutes in `make test`, thirty in `make faults`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.aoa_wire import AoaResult
+from companion.clock import NS_PER_S, ManualClock
+from companion.event_clock import EventClock
+from companion.flight import Flight
+from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
+from companion.mission import State
+from companion.node import Node
+from companion.preflight import REQUIREMENTS
+from companion.radio import ANTENNAS, ChannelSample
+from companion.recorder import McapRecorder
+from companion.sar import SarIterations
+from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand
+from companion.sim.px4_commander import Commander, Mode
+from companion.sim.stage import set_stage
+from companion.window import SarWindow
+from csi_bridge.records import SUBCARRIERS
+from tests.faults.campaign import runs
+from tests.faults.figures import record
+from wsr.aoa import AoaEstimate
+from wsr.aperture import Aperture
+from wsr.channel import wavelength_m
+
+_RATE_HZ = 20
+_POSES_PER_TICK = 5
+_MODES = {Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF}
+_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0}  # fmt: skip # noqa: E501
+
+
+class _Clock(ManualClock):
+    """Who sleeps waits for the ticks to bring the time, instead of making it."""
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        while self.now_ns() < deadline_ns:  # noqa: ASYNC110 - time moves elsewhere
+            await asyncio.sleep(0)
+
+
+class _Autopilot:
+    """The commander of the mock behind the port, without a link."""
+
+    problem = ""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self.commander = Commander(Airframe(AirframeLimits(), 0.0, None), clock.now_ns())
+        self.setpoints = 0
+
+    async def connect(self, timeout_s: float = 10.0) -> None: ...
+
+    async def run(self) -> None: ...
+
+    async def aclose(self) -> None: ...
+
+    def state(self) -> VehicleState:
+        now_ns, commander = self._clock.now_ns(), self.commander
+        airframe = commander.airframe
+        return VehicleState(
+            now_ns, now_ns, _MODES.get(commander.mode, FlightMode.OTHER), now_ns, commander.armed, not commander.landed,
+            commander.failsafe, now_ns, airframe.p_enu_m, airframe.v_enu_m_s, airframe.yaw_enu_rad, 0.9, now_ns, True,
+            now_ns,
+        )  # fmt: skip
+
+    def send_setpoint(self, setpoint: Setpoint) -> None:
+        assert setpoint.p_local_enu_m is not None
+        self.setpoints += 1
+        self.commander.set_point(Demand(setpoint.p_local_enu_m, setpoint.v_local_enu_m_s), self._clock.now_ns())
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def take_events(self) -> list[AutopilotEvent]:
+        return []
+
+    async def arm(self) -> None:
+        self.commander.arm(self._clock.now_ns())
+
+    async def takeoff(self, height_m: float) -> None:
+        self.commander.parameters["MIS_TAKEOFF_ALT"] = height_m
+        self.commander.command_takeoff()
+        while self.commander.mode is not Mode.HOLD:  # noqa: ASYNC110 - time moves elsewhere
+            await asyncio.sleep(0)
+
+    async def request_offboard(self) -> None:
+        self.commander.command_mode(Mode.OFFBOARD, self._clock.now_ns())
+
+    async def hold(self) -> None:
+        self.commander.command_mode(Mode.HOLD, self._clock.now_ns())
+
+    async def land(self) -> None:
+        self.commander.command_mode(Mode.LAND, self._clock.now_ns())
+
+    async def return_home(self) -> None:
+        self.commander.command_mode(Mode.RTL, self._clock.now_ns())
+
+    async def parameter(self, name: str) -> int | float:
+        assert name in {requirement.name for requirement in REQUIREMENTS}
+        return _GOOD[name]
+
+
+class _Worker:
+    """Answers each aperture at the next tick with a direction that turns by 60 degrees each time."""
+
+    def __init__(self) -> None:
+        self.ready = asyncio.Event()
+        self.ready.set()
+        self.waiting: list[AoaResult] = []
+        self.submitted = 0
+
+    def submit(self, peer: int, aperture: Aperture) -> int:
+        azimuth = math.remainder(math.radians(60.0 * self.submitted), math.tau)
+        infinite = ((1e-3, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.inf))
+        place = (0.0, 0.0, 0.0)
+        estimate = AoaEstimate(
+            azimuth, math.pi / 2, 0.03, math.inf, infinite, 0.02, 0.9, 0.9, True, False, (), aperture.packets, 1.2,
+            place, place, float(aperture.t_s.mean()),
+        )  # fmt: skip
+        self.waiting.append(AoaResult(self.submitted, peer, 0.01, estimate, bytes(180 * 360 * 2)))
+        self.submitted += 1
+        return self.submitted - 1
+
+
+class _Service:
+    """Everything in one process, moved on by `tick`."""
+
+    def __init__(self, directory: Path, out: Path) -> None:
+        stage = set_stage(directory, out, seed=1, use_netlink=False)
+        mission = replace(stage.uav.mission, limit_s=1e6)
+        uav = replace(stage.uav, mission=mission)
+        self.clock = _Clock(10**12)
+        self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, EventClock(self.clock))
+        aperture = uav.aperture
+        wavelength = wavelength_m(uav.csi.channel)
+        window = SarWindow(uav.pose.antenna_m, wavelength, aperture.min_packets, aperture.max_pose_gap_s)
+        self.node = Node(uav, self.clock, self.recorder, window.add_sample, window.add_pose)
+        self.beacon = Node(stage.beacon, self.clock, self.recorder, window.add_sample, lambda _: None)
+        self.worker, self.autopilot = _Worker(), _Autopilot(self.clock)
+        self.sar = SarIterations(
+            window, self.worker, self.node.receiver.neighbours, aperture, self.clock,
+            lambda iteration, profile: self.flight.take(iteration, profile), self.node.intake.problem_between,
+        )  # fmt: skip
+        self.flight = Flight(uav, self.clock, self.node, self.autopilot, self.sar, self.recorder)
+        self._window = window
+        self._frame = 0
+
+    def close(self) -> None:
+        self.recorder.close()
+        for node in (self.node, self.beacon):
+            node._poses.close()
+            node._source.close()
+
+    async def tick(self) -> None:
+        for _ in range(_POSES_PER_TICK):
+            self.clock.advance(1 / _RATE_HZ / _POSES_PER_TICK)
+            self._sense()
+        now_ns = self.clock.now_ns()
+        self.autopilot.commander.step(now_ns)
+        for datagram in self.beacon.sender.datagrams(now_ns):
+            self.node.receiver.take(datagram)
+        while self.worker.waiting:
+            self.sar.take(self.worker.waiting.pop(0))
+        self.flight.tick(now_ns)
+        await asyncio.sleep(0)
+
+    def _sense(self) -> None:
+        now_ns, airframe = self.clock.now_ns(), self.autopilot.commander.airframe
+        level = (1.0, 0.0, 0.0, 0.0)
+        self.node.intake.take(Pose(now_ns, airframe.p_enu_m, level, airframe.v_enu_m_s, 3))
+        self.beacon.intake.take(Pose(now_ns, (50.0, 0.0, 0.5), level, (0.0, 0.0, 0.0), 3))
+        nic_us = now_ns // 1000 & 0xFFFFFFFF
+        csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
+        csi[:, 0] = 10 + 10j
+        self._frame += 1
+        self._window.add_sample(ChannelSample(2, self._frame, now_ns, nic_us, csi, -50.0))
+        self.node.receiver.neighbours[2].add_forward(self._frame, now_ns, nic_us)
+        self.flight.heard(2, now_ns)
+        self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
+
+
+def _resident_mib() -> float:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096 / (1 << 20)
+
+
+def _open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    minutes = runs(2, 30)
+    service = _Service(tmp_path_factory.mktemp("s"), tmp_path)
+    settled: dict[str, Any] = {}
+    started_s = time.monotonic()
+    try:
+        async with service.flight._commands:
+            for index in range(minutes * 60 * _RATE_HZ):
+                await service.tick()
+                if index == 2 * _RATE_HZ:
+                    assert await service.flight.engage() == ""
+                if index == minutes * 60 * _RATE_HZ // 2:
+                    settled = {"mib": _resident_mib(), "files": _open_files(), "tasks": len(asyncio.all_tasks())}
+            grown_mib = _resident_mib() - settled["mib"]
+            files, tasks = _open_files() - settled["files"], len(asyncio.all_tasks()) - settled["tasks"]
+    finally:
+        service.close()
+    taken_s = time.monotonic() - started_s
+    record(
+        7, minutes=minutes, faster_than_real_time=round(minutes * 60 / taken_s, 1), grown_mib=round(grown_mib, 2),
+        files=files, tasks=tasks, iterations=service.worker.submitted,
+    )  # fmt: skip
+    assert service.flight.state is State.APPROACHING and service.autopilot.setpoints > minutes * 60 * _RATE_HZ * 0.8
+    assert service.worker.submitted > 5 * minutes and service.recorder.dropped == 0
+    assert service.clock.now_ns() > 10**12 + (minutes * 60 - 1) * NS_PER_S
+    assert grown_mib < 5 and files == 0 and tasks <= 0

@@ -1,0 +1,310 @@
+"""A recorded run through the service's own inputs: CSI of each robot into its connector, poses into its socket, UDP
+between them. What comes out is compared with the analysis of the files.
+
+Sockets and kernel are real; time is not: it goes on in steps, each as soon as everybody has taken what the step before
+brought. So a loaded machine makes it slower, not different. Each robot has a clock of its own, which differs from the
+others' by what the clocks of the recording differed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+import socket
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from companion.analysis import Options, analyze_run
+from companion.beacon import Beacon
+from companion.clock import NS_PER_S
+from companion.config import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
+from companion.event_clock import EventClock
+from companion.keys import write_key
+from companion.node import Node
+from companion.pose import wire as pose_wire
+from companion.radio import ChannelSample
+from companion.recorder import McapRecorder, Recorder
+from companion.recordings import Run, read_truth
+from companion.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.window import ApertureReport, SarWindow
+from csi_bridge.netlink import NetlinkFeeder, connector_available
+from csi_bridge.parser import parse_body
+from csi_bridge.records import CsiRecord
+from csi_bridge.replay import Feeder, Tape, read_tape
+from csi_bridge.unix_socket import UnixFeeder
+from wsr.channel import wavelength_m
+from wsr.estimators import ESTIMATORS
+
+RX_ID: Final = 1
+CONNECTORS: Final = (20, 21, 22, 23)
+"""Not those of the driver, nor of a demo or other tests on this machine."""
+RX_MAC: Final = {"wsr_dataset_dev": "00:21:6A:53:89:D2", "wsr_3d": "00:21:6A:C5:FC:00"}
+_TAIL_S: Final = 1.0
+_ZERO_S: Final = 1000.0
+"""On the receiving robot's clock when the tapes start: a host has been up for a while."""
+_BUDGET_BYTES_S: Final = 8000.0
+"""The runs in three dimensions have 250 pings a second, which is beyond the default budget."""
+_LONGEST_GAP_S: Final = 0.25
+_STEP_NS: Final = 500_000
+_STILL_NS: Final = 20_000_000
+_TURNS: Final = 4
+
+
+class Timeline:
+    """Time that somebody else moves on, and who waits for it."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self._sleepers: list[tuple[int, int, asyncio.Future[None]]] = []
+        self._number = 0
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        self._number += 1
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        heapq.heappush(self._sleepers, (deadline_ns, self._number, future))
+        await future
+
+    async def advance(self, to_ns: int) -> None:
+        self.now_ns = to_ns
+        while self._sleepers and self._sleepers[0][0] <= to_ns:
+            future = heapq.heappop(self._sleepers)[2]
+            if not future.done():
+                future.set_result(None)
+        for _ in range(_TURNS):  # whoever was woken sends, and whoever is sent to reads
+            await asyncio.sleep(0)
+
+
+class RobotClock:
+    """The timeline as one robot's host counts it."""
+
+    def __init__(self, timeline: Timeline, offset_s: float) -> None:
+        self._timeline = timeline
+        self.offset_ns = round(offset_s * NS_PER_S)
+
+    def now_ns(self) -> int:
+        return self._timeline.now_ns + self.offset_ns
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        await self._timeline.sleep_until_ns(deadline_ns - self.offset_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveLink:
+    """What the service made of one transmitter, and what the analysis made of it."""
+
+    name: str
+    report: ApertureReport
+    azimuth_rad: float | None
+    polar_rad: float | None
+    analysed_azimuth_rad: float | None
+    analysed_polar_rad: float | None
+    level: bool
+    """The polar angle is not observable: only azimuths compare."""
+    packets: int
+    analysed_packets: int
+    health: dict[str, Any]
+    true_clock_offset_s: float
+    sent_bytes_s: float
+
+    @property
+    def azimuth_apart_rad(self) -> float:
+        assert self.azimuth_rad is not None
+        assert self.analysed_azimuth_rad is not None
+        return abs((self.azimuth_rad - self.analysed_azimuth_rad + np.pi) % (2 * np.pi) - np.pi)
+
+
+@dataclass(slots=True)
+class _Robot:
+    """One end: its tape, its clock, its node, and where its hardware's bytes go."""
+
+    config: Config
+    tape: Tape
+    clock: RobotClock
+    play_from_s: float
+    """Tape time at the common zero."""
+    feeder: Feeder
+    node: Node | None = None
+    next_record: int = 0
+    pose_socket: socket.socket = field(
+        default_factory=lambda: socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+    )
+
+    def feed(self, now_ns: int) -> None:
+        reached_s = self.play_from_s + now_ns / NS_PER_S
+        last = int(np.searchsorted(self.tape.t_s, reached_s, "right"))
+        for code, body in self.tape.records[self.next_record : last]:
+            self.feeder.send(code, body)
+        self.next_record = max(self.next_record, last)
+
+    def send_pose(self, t_ns: int, p_m: tuple[float, float, float]) -> None:
+        raw = pose_wire.RawPose(t_ns, p_m, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, pose_wire.PoseFrame.ENU)
+        self.pose_socket.sendto(pose_wire.encode(raw), str(self.config.path(self.config.pose.socket)))
+
+
+def transport() -> tuple[str, str]:
+    """netlink where this machine permits it, else unix with the reason."""
+    reason = connector_available(CONNECTORS[0])
+    return ("netlink", "") if reason is None else ("unix", reason)
+
+
+async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
+    """Plays all of `run` and cuts one aperture for each transmitter."""
+    assert run.rx is not None
+    trajectory = read_trajectory(run.trajectories[kind], kind)
+    rx, tapes = read_tape(run.rx), {name: read_tape(path) for name, path in sorted(run.tx.items())}
+    analysed = {link.name: link for link in analyze_run(run, Options(kind)).links}
+    names = [name for name in tapes if analysed[name].estimate is not None]
+    assert run.truth is not None
+    channel = read_truth(run.truth).channel
+    timeline = Timeline()
+    robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel)
+    recorder = McapRecorder(folder / "log.mcap", robots[0].config, EventClock(robots[0].clock))
+    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
+    uav, beacons = robots[0], robots[1:]
+    uav.node = Node(uav.config, uav.clock, recorder, window.add_sample, window.add_pose)
+    window.nic_clock = uav.node.radio.nic_clock
+    for robot in beacons:
+        robot.node = _beacon_node(robot, recorder)
+    async with asyncio.TaskGroup() as tasks:
+        running = [tasks.create_task(robot.node.run()) for robot in robots if robot.node is not None]
+        await _play(timeline, robots, trajectory, rx.duration_s + _TAIL_S)
+        links = []
+        end_ns = uav.clock.now_ns()
+        for number, name in enumerate(names, 2):
+            neighbour = uav.node.receiver.neighbours[number]
+            report = window.cut(neighbour, uav.clock.offset_ns, end_ns)
+            estimate = None
+            if report.aperture is not None:
+                estimate, _ = ESTIMATORS["robust"]().estimate(report.aperture)
+            theirs = analysed[name].estimate
+            assert theirs is not None
+            robot = beacons[number - 2]
+            assert robot.node is not None
+            links.append(
+                LiveLink(
+                    name,
+                    report,
+                    None if estimate is None else estimate.azimuth_rad,
+                    None if estimate is None else estimate.polar_rad,
+                    theirs.azimuth_rad,
+                    theirs.polar_rad,
+                    not theirs.polar_observable,
+                    0 if estimate is None else estimate.packets,
+                    theirs.packets,
+                    neighbour.health(uav.clock.now_ns()),
+                    (robot.clock.offset_ns - uav.clock.offset_ns) / NS_PER_S,
+                    robot.node.sender.sent_bytes / ((end_ns - uav.clock.offset_ns) / NS_PER_S),
+                )
+            )
+        for task in running:
+            task.cancel()
+    recorder.close()
+    for robot in robots:
+        robot.pose_socket.close()
+        robot.feeder.close()
+    return links
+
+
+def _beacon_node(robot: _Robot, recorder: Recorder) -> Node:
+    def on_sample(sample: ChannelSample) -> None:
+        beacon.add_sample(sample)
+
+    node = Node(robot.config, robot.clock, recorder, on_sample, lambda _: None)
+    beacon = Beacon(node.sender)
+    return node
+
+
+async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory, duration_s: float) -> None:
+    uav = robots[0]
+    keep = np.isfinite(trajectory.p_enu_m).all(axis=1)
+    pose_s, pose_m = trajectory.t_s[keep] - uav.play_from_s, trajectory.p_enu_m[keep]
+    next_pose = int(np.searchsorted(pose_s, 0.0, "right"))
+    for now_ns in range(0, round(duration_s * NS_PER_S), _STEP_NS):
+        last = int(np.searchsorted(pose_s, now_ns / NS_PER_S, "right"))
+        for number in range(next_pose, last):
+            x, y, z = pose_m[number].tolist()
+            uav.send_pose(round(pose_s[number] * NS_PER_S) + uav.clock.offset_ns, (x, y, z))
+        next_pose = max(next_pose, last)
+        for robot in robots:
+            robot.feed(now_ns)
+            if robot is not uav and now_ns % _STILL_NS == 0:
+                robot.send_pose(now_ns + robot.clock.offset_ns, (0.0, 0.0, 0.0))
+        await timeline.advance(now_ns)
+
+
+def _robots(
+    run: Run, macs: dict[str, str], rx: Tape, tapes: dict[str, Tape], folder: Path, timeline: Timeline, channel: int
+) -> list[_Robot]:
+    """The receiving robot first. Tapes start together as the air did; clocks differ as they did."""
+    kind, _ = transport()
+    rx_mac = next(mac for part, mac in RX_MAC.items() if part in str(run.folder.resolve()))
+    port = _free_port()
+    ids = {name: number for number, name in enumerate(macs, 2)}
+    start_s = float(rx.t_s[0]) - 0.05
+    robots = []
+    for name in ("rx", *ids):
+        place = folder / name
+        place.mkdir(parents=True)
+        write_key(place / "own.key")
+    for name, number in [("rx", RX_ID), *ids.items()]:
+        place = folder / name
+        peers = (
+            [Peer(ids[tx], tx, mac, str(folder / tx / "own.key")) for tx, mac in macs.items()]
+            if name == "rx"
+            else [Peer(RX_ID, "rx", rx_mac, str(folder / "rx" / "own.key"))]
+        )
+        index = CONNECTORS[number - 1]
+        config = Config(
+            role="uav" if name == "rx" else "beacon",
+            id=number,
+            name=name,
+            csi=CsiConfig(
+                channel,
+                "netlink" if kind == "netlink" else "unix",
+                index,
+                require_kernel_sender=False,
+                receive_buffer_bytes=16 << 20,
+            ),
+            neighbours=NeighbourConfig("own.key", port, "127.255.255.255", budget_bytes_s=_BUDGET_BYTES_S),
+            peers=peers,
+            runtime_dir=str(place),
+            state_dir="state",
+            pose=PoseConfig(),
+            autopilot=AutopilotConfig("udpin://127.0.0.1:1") if name == "rx" else None,
+        )
+        offset_s = 0.0 if name == "rx" else clock_offset_s(rx, tapes[name], macs[name], rx_mac)
+        feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
+        # The recorded offset sets the beacon's clock; its tape plays when the air carried it.
+        clock = RobotClock(timeline, _ZERO_S + offset_s)
+        tape = rx if name == "rx" else tapes[name]
+        robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
+    return robots
+
+
+def clock_offset_s(rx: Tape, tx: Tape, mac: str, rx_mac: str) -> float:
+    """Wall clock of the transmitter's recording less that of the receiver's, from the counters both logs share; 0 where
+    they have none, since such recordings agree."""
+    ours, theirs = _counted(rx, mac), _counted(tx, rx_mac)
+    common = sorted(ours.keys() & theirs.keys() - {-1})
+    if len(common) < 20:
+        return 0.0
+    return float(np.median([theirs[frame] - ours[frame] for frame in common]))
+
+
+def _counted(tape: Tape, mac: str) -> dict[int, float]:
+    wanted = bytes.fromhex(mac.replace(":", ""))
+    found = {}
+    for (code, body), t_s in zip(tape.records, tape.t_s.tolist(), strict=True):
+        record = parse_body(code, body)
+        if isinstance(record, CsiRecord) and record.mac == wanted and record.frame_count is not None:
+            found[record.frame_count] = t_s
+    return found
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.255.255.255", 0))
+        return int(probe.getsockname()[1])

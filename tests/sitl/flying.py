@@ -1,0 +1,198 @@
+"""A whole cast for tests that fly: the service (with faults built in), a beacon, the world and the mock autopilot."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from companion.config import AutopilotConfig
+from companion.config_file import save_config
+from companion.control import ask
+from companion.errors import CompanionError
+from companion.sim import px4_report, truth
+from companion.sim.px4_report import Px4Report
+from companion.sim.scenario import encode_scenario
+from companion.sim.stage import Cast, Stage, set_stage
+from companion.sim.truth import WorldTruth
+from companion.unix_datagram import bind_datagram_socket
+
+SEED = 5
+HOLD_LIMIT_S = 9.0
+_SERVICE = ("tests.faults.service",)
+IN_OFFBOARD = ("acquiring", "approaching", "holding")
+
+
+class Flying:
+    """A running cast, its newest truth, its status, and what tests do to it."""
+
+    def __init__(self, stage: Stage, cast: Cast, out: Path, reports: socket.socket) -> None:
+        self.stage = stage
+        self.cast = cast
+        self.out = out
+        self._reports = reports
+        self.truths: list[WorldTruth] = []
+
+    @property
+    def now(self) -> WorldTruth:
+        return self.truths[-1]
+
+    async def status(self) -> dict[str, Any]:
+        return await ask(self.stage.control_socket, "status")
+
+    async def command(self, command: str) -> dict[str, Any]:
+        return await ask(self.stage.control_socket, command, timeout_s=10.0)
+
+    async def px4(self, order: str = "report") -> Px4Report:
+        """Gives the mock an order and takes its state after it."""
+        self._reports.sendto(order.encode(), str(self.stage.directory / "px4.sock"))
+        datagram = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(self._reports, 65536), 5.0)
+        report = px4_report.decode(datagram)
+        assert report.error is None, report.error
+        return report
+
+    def fault(self, order: str) -> None:
+        """To the service: see tests.faults.service."""
+        self._send(self.stage.uav.path("faults.sock"), order)
+
+    def camera(self, order: str) -> None:
+        """To the camera's reader: see tests.faults.pose_relay."""
+        self._send(self.stage.directory / "camera-orders.sock", order)
+
+    def children(self, module: str) -> list[int]:
+        """Process ids of the service's children that run a module."""
+        parent, found = self.cast.pid("uav"), []
+        for folder in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+                if int(fields[1]) == parent and module in (folder / "cmdline").read_text():
+                    found.append(int(folder.name))
+        return found
+
+    async def until(self, condition: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> dict[str, Any]:
+        status: dict[str, Any] = {}
+        try:
+            async with asyncio.timeout(timeout_s):
+                while True:
+                    with suppress(CompanionError):  # not listening yet
+                        status = await self.status()
+                        if condition(status):
+                            return status
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise AssertionError(f"not so within {timeout_s} s; the last status was {status}") from None
+
+    async def in_state(self, *states: str, timeout_s: float = 60.0) -> dict[str, Any]:
+        return await self.until(lambda status: status["state"] in states, timeout_s)
+
+    async def engage(self) -> None:
+        await self.until(lambda status: not status["not_ready"])
+        answer = await self.command("engage")
+        assert answer["ok"], answer["error"]
+
+    async def fly(self, *states: str) -> None:
+        """Have the vehicle flown by the service, in one of `states` (any state in OFFBOARD when none is given)."""
+        state = (await self.until(lambda status: True))["state"]
+        if state not in IN_OFFBOARD:
+            await self.px4("offboard accept")
+            if state not in ("idle", "latched"):
+                await self.let_go()
+            if not (await self.px4()).landed:
+                await self.px4("pilot HOLD")  # a person hands over in hold, or the engagement is refused
+            await self.engage()
+        await self.in_state(*(states or IN_OFFBOARD))
+
+    async def let_go(self) -> None:
+        """A person ends what the service is about."""
+        assert (await self.command("abort"))["ok"]
+        await self.in_state("latched", timeout_s=3.0)
+
+    async def restart(self) -> None:
+        """Start the service again, after it has ended."""
+        await self.cast.start_uav()
+        await self.until(lambda status: True, 30.0)
+
+    async def kill(self) -> int:
+        """kill -9 of the service; when that was, on the monotonic clock."""
+        killed_ns = asyncio.get_running_loop().time()
+        os.kill(self.cast.pid("uav"), signal.SIGKILL)
+        await self.cast.wait("uav")
+        return round(killed_ns * 1e9)
+
+    @staticmethod
+    def _send(path: Path, text: str) -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+            sock.sendto(text.encode(), str(path))
+
+
+@asynccontextmanager
+async def flying(out: Path, real_url: str = "", **mission: Any) -> AsyncIterator[Flying]:
+    """A cast whose camera is a child of the service. `mission` replaces values of that section of the configuration.
+
+    With `real_url` an autopilot is there already: the world then moves the vehicle as that one's telemetry says.
+    """
+    with tempfile.TemporaryDirectory(prefix="companion-") as name:
+        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url)
+        with (
+            bind_datagram_socket(stage.truth_socket) as truths,
+            bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
+        ):
+            control = str(stage.directory / "px4.sock")
+            options = ("--control", control)
+            async with Cast(stage, out, *options, service=_SERVICE, has_mock=not real_url) as cast:
+                flight = Flying(stage, cast, out, reports)
+                helpers = [asyncio.create_task(_listen(truths, flight.truths))]
+                if real_url:
+                    helpers.append(asyncio.create_task(_follow(flight)))
+                try:
+                    yield flight
+                finally:
+                    for helper in helpers:
+                        helper.cancel()
+
+
+def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str) -> Stage:
+    directory = stage.directory
+    lens = directory / "camera.sock"
+    pose_socket = stage.uav.path(stage.uav.pose.socket)
+    paths = ("--from", str(lens), "--to", str(pose_socket), "--orders", str(directory / "camera-orders.sock"))
+    reader = [sys.executable, "-m", "tests.faults.pose_relay", *paths]
+    uav = replace(
+        stage.uav,
+        pose=replace(stage.uav.pose, reader_command=reader),
+        mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
+    )
+    if real_url:
+        uav = replace(uav, autopilot=AutopilotConfig(real_url))
+    save_config(uav, directory / f"{uav.name}.yaml")
+    scenario = replace(stage.scenario, uav=replace(stage.scenario.uav, pose_socket=str(lens)))
+    (directory / "scenario.json").write_bytes(encode_scenario(scenario))
+    return replace(stage, uav=uav, scenario=scenario)
+
+
+async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
+    while True:
+        truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))
+
+
+async def _follow(flight: Flying) -> None:
+    """Tells the world where a real autopilot says the vehicle is."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as out:
+        while True:
+            await asyncio.sleep(0.02)
+            with suppress(CompanionError, OSError, TypeError):  # not there yet, or its position is not known yet
+                state = (await flight.status())["vehicle"]
+                now = truth.VehicleTruth(
+                    time.monotonic_ns(), tuple(state["p_local_enu_m"]), tuple(state["v_local_enu_m_s"]),
+                    state["yaw_enu_rad"], state["mode"].upper(), state["armed"], 0, 0, 0.0,
+                )  # fmt: skip
+                out.sendto(truth.encode(now), flight.stage.scenario.truth_in)

@@ -1,0 +1,112 @@
+"""Runs in a network namespace of its own: makes an interface pair and does what its argument says."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from companion.clock import MonotonicClock
+from companion.config import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
+from companion.pinger import Pinger
+from companion.traffic import sent_bytes
+from csi_bridge.injector import Injector, ping_frame, radiotap
+
+TAP = len(radiotap(1))
+MAC, OTHER = bytes.fromhex("00216a5389d2"), bytes.fromhex("00216a3f175a")
+CONFIG = Config(
+    role="uav",
+    id=1,
+    name="uav",
+    csi=CsiConfig(108, interface="left"),
+    neighbours=NeighbourConfig("key"),
+    peers=[Peer(2, "beacon", "00:21:6A:3F:17:5A", "key")],
+    ping=PingConfig(enabled=True),
+)
+
+
+def make_pair() -> None:
+    for words in ("link add left type veth peer name right", "link set left up", "link set right up"):
+        subprocess.run(["ip", *words.split()], check=True)
+    while Path("/sys/class/net/left/carrier").read_text().strip() != "1":
+        time.sleep(0.01)
+
+
+def fields() -> None:
+    from scapy.layers.dot11 import Dot11, RadioTap
+
+    sender, listener = Injector("left", 3), Injector("right", 1)
+    sender.send(ping_frame(MAC, 0x01020304, 57))
+    data = next(data for data in received(listener) if data[24 + TAP : 28 + TAP] == bytes([1, 2, 3, 4]))
+    tap = RadioTap(data)
+    frame = tap.getlayer(Dot11)
+    print(
+        f"type {frame.type} subtype {frame.subtype} tods {int(frame.FCfield)} duration {frame.ID} sequence {frame.SC}"
+    )
+    print("addresses", frame.addr1, frame.addr2, frame.addr3)
+    raw = data[tap.len :]
+    print("counter", raw[24:28].hex(), "at 24 big-endian")
+    flags = int(tap.TXFlags)
+    print(f"radiotap txflags {flags} mcs {tap.MCS_index} bandwidth {tap.MCS_bandwidth} guard {tap.guard_interval}")
+    print(f"frame {len(raw)} bytes, {len(raw) + 4} with check sum")
+
+
+def received(listener: Injector) -> list[bytes]:
+    import socket
+
+    raw = socket.socket(fileno=socket.dup(listener.fileno()))
+    raw.settimeout(2.0)
+    found = []
+    with raw, contextlib.suppress(TimeoutError, BlockingIOError):
+        deadline_s = time.monotonic() + 2.0
+        while time.monotonic() < deadline_s:
+            found.append(raw.recv(4096))
+            if found[-1][4 + TAP : 10 + TAP] == bytes.fromhex("0016ea123456"):
+                break
+    return found
+
+
+async def echo() -> None:
+    beacon = dataclasses.replace(CONFIG, role="beacon", id=2, csi=CsiConfig(108, interface="right"))
+    answering = Pinger(beacon, Injector("right", 1), MonotonicClock(), OTHER)
+    ours = Injector("left", 1)
+    asyncio.get_running_loop().add_reader(answering.fileno(), answering.drain)
+    answers, times = 0, []
+    for counter in range(1, 51):
+        start_s = time.monotonic()
+        ours.send(ping_frame(MAC, counter, 57))
+        while time.monotonic() - start_s < 1.0:
+            await asyncio.sleep(0)
+            heard = [ping for ping in ours.captured() if ping.mac == OTHER]
+            if heard:
+                assert heard[0].counter == counter
+                assert heard[0].length == 54
+                answers += len(heard)
+                times.append(1e3 * (time.monotonic() - start_s))
+                break
+    print(f"answers {answers} of 50 median_ms {statistics.median(times):.3f}")
+
+
+async def rate() -> None:
+    pinger = Pinger(CONFIG, Injector("left", 1), MonotonicClock(), MAC)
+    before, start_s = sent_bytes("left"), time.monotonic()
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(1.0):
+            await pinger.run()
+    after = sent_bytes("left")
+    assert before is not None
+    assert after is not None
+    print(f"bytes_per_s {(after - before) / (time.monotonic() - start_s):.0f} pings {pinger.health()['sent']:.0f}")
+
+
+if __name__ == "__main__":
+    make_pair()
+    if sys.argv[1] == "fields":
+        fields()
+    else:
+        asyncio.run({"echo": echo, "rate": rate}[sys.argv[1]]())

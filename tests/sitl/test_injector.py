@@ -1,0 +1,115 @@
+"""Pings byte for byte on a real interface pair in a network namespace of its own, read back by scapy."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from csi_bridge.injector import (
+    CARD_ADDRESS,
+    Injector,
+    InjectorError,
+    Ping,
+    echo_frame,
+    parse_capture,
+    ping_frame,
+    radiotap,
+)
+
+MAC = bytes.fromhex("00216a5389d2")
+OTHER = bytes.fromhex("00216a3f175a")
+NAMESPACE = ("unshare", "--net", "--mount", "sh", "-c", 'mount -t sysfs sysfs /sys && eval "$0"')
+"""Its own network, and a /sys that shows it."""
+SCRIPT = Path(__file__).with_name("injector_peer.py")
+
+
+def _namespace_refused() -> str:
+    done = subprocess.run(
+        [*NAMESPACE, "ip link add a type veth peer name b"],
+        capture_output=True,
+        text=True,
+    )
+    return "" if done.returncode == 0 else f"no network namespace with a veth pair: {done.stderr.strip()}"
+
+
+REFUSED = _namespace_refused()
+needs_namespace = pytest.mark.skipif(bool(REFUSED), reason=REFUSED or "-")
+
+
+def inside(*arguments: str) -> str:
+    """What `injector_peer.py` prints, run in a new namespace."""
+    done = subprocess.run(
+        [*NAMESPACE, shlex.join([sys.executable, str(SCRIPT), *arguments])], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@needs_namespace
+def test_scapy_reads_every_field_of_a_ping_on_the_wire() -> None:
+    lines = inside("fields").splitlines()
+    assert lines == [
+        "type 2 subtype 0 tods 0 duration 65535 sequence 0",
+        "addresses 00:16:ea:12:34:56 00:16:ea:12:34:56 00:21:6a:53:89:d2",
+        "counter 01020304 at 24 big-endian",
+        "radiotap txflags 8 mcs 3 bandwidth 0 guard 0",
+        "frame 53 bytes, 57 with check sum",
+    ]
+
+
+@needs_namespace
+def test_a_beacon_answers_from_user_space_with_the_same_counters() -> None:
+    words = inside("echo").split()
+    assert words[:4] == ["answers", "50", "of", "50"]
+    turnaround_ms = float(words[5])
+    assert 0 < turnaround_ms < 500  # the figure is the point; machines are noisy
+
+
+@needs_namespace
+def test_default_pings_stay_under_ten_kilobytes_a_second_at_the_interface() -> None:
+    words = inside("rate").split()
+    assert words[0] == "bytes_per_s"
+    assert 0 < float(words[1]) < 10_000
+
+
+def test_the_counter_is_where_the_patched_driver_reads_it() -> None:
+    frame = ping_frame(MAC, 0xA1B2C3D4, 57)
+    assert len(frame) + 4 == 57
+    assert frame[24:28].hex() == "a1b2c3d4"
+    assert frame[16:22] == MAC
+    assert frame[4:10] == frame[10:16] == CARD_ADDRESS
+    assert ping_frame(MAC, 1 << 32, 57)[24:28] == bytes(4)
+    with pytest.raises(ValueError, match="at least 32"):
+        ping_frame(MAC, 1, 31)
+
+
+def test_an_answer_is_told_from_a_ping_by_its_length() -> None:
+    ping = parse_capture(radiotap(1) + ping_frame(MAC, 7, 57))
+    assert ping == Ping(MAC, 7, 53)
+    answer = parse_capture(radiotap(1) + echo_frame(ping, OTHER, ping.length))
+    assert answer is not None
+    assert (answer.mac, answer.counter) == (OTHER, 7)
+    assert answer.length == ping.length + 1
+
+
+def test_anything_else_is_no_ping() -> None:
+    good = radiotap(1) + ping_frame(MAC, 7, 57)
+    assert parse_capture(b"") is None
+    assert parse_capture(good[:30]) is None
+    assert parse_capture(b"\x01" + good[1:]) is None
+    beacon = bytearray(good)
+    beacon[len(radiotap(1))] = 0x80
+    assert parse_capture(bytes(beacon)) is None
+    with_check_sum = bytes([0, 0, 9, 0, 2, 0, 0, 0, 0x10]) + ping_frame(MAC, 7, 57) + b"\0\0\0\0"
+    assert parse_capture(with_check_sum) == Ping(MAC, 7, 53)
+    with_time = bytes([0, 0, 17, 0, 3, 0, 0, 0]) + bytes(8) + b"\x10" + ping_frame(MAC, 7, 57) + b"\0\0\0\0"
+    assert parse_capture(with_time) == Ping(MAC, 7, 53)
+
+
+def test_a_missing_interface_is_named() -> None:
+    with pytest.raises(InjectorError, match="nosuch0"):
+        Injector("nosuch0", 1)
