@@ -68,7 +68,7 @@ def _write(path: Path, session: Session, inputs: list[LoggedMessage], result: Re
     metadata["config"] = json.dumps(_placeless(json.loads(metadata["config"])))
     fresh = path.with_suffix(".new")
     with fresh.open("wb") as file:
-        writer = LogWriter(file, metadata, chunk_bytes=1 << 20)
+        writer = LogWriter(file, metadata, chunk_bytes=256 << 10)
         decided: Iterator[Decided] = iter(()) if result is None else _by_event(result)
         waiting = next(decided, None)
         for message in inputs:
