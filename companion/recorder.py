@@ -7,6 +7,7 @@ import importlib.metadata
 import json
 import logging
 import queue
+import struct
 import threading
 import time
 import uuid
@@ -26,6 +27,11 @@ _FLUSH_S: Final = 0.5  # what a kill may cost at most
 _SYNC_S: Final = 1.0  # what a power cut may cost at most, and the time the disk takes
 _RETRY_S: Final = 5.0
 _CLOSE_S: Final = 10.0
+
+# A message that is not what its stream holds; OSError is the disk's.
+_NOT_ENCODED: Final = (
+    ValueError, TypeError, ArithmeticError, LookupError, AttributeError, struct.error, msgspec.MsgspecError, Warning
+)  # fmt: skip
 
 _Item = tuple[Stream, int, int, int, Any]
 
@@ -73,6 +79,8 @@ class McapRecorder:
         self._part_number = 0
         self.dropped = 0
         self.written = 0
+        self.malformed = 0
+        """Messages that could not be encoded; they count as dropped too."""
         self.failures = 0
         """Times the disk failed us."""
         self.removed_files = 0
@@ -97,6 +105,7 @@ class McapRecorder:
         return {
             "written": self.written,
             "dropped": self.dropped,
+            "malformed": self.malformed,
             "failures": self.failures,
             "queued": self._queue.qsize(),
             "removed_files": self.removed_files,
@@ -144,11 +153,22 @@ class McapRecorder:
             if self._part is None:
                 self.dropped += 1
                 continue
-            stream, log_ns, own_ns, event, message = item
-            offset_ns = self._wall_minus_mono_ns
-            self._part.write(stream, log_ns + offset_ns, own_ns + offset_ns, event, message)
-            self.written += 1
+            self._write(self._part, item)
         return True
+
+    def _write(self, part: LogPart, item: _Item) -> None:
+        """One message. One that cannot be encoded costs itself and nothing else."""
+        stream, log_ns, own_ns, event, message = item
+        offset_ns = self._wall_minus_mono_ns
+        try:
+            part.write(stream, log_ns + offset_ns, own_ns + offset_ns, event, message)
+        except _NOT_ENCODED as error:
+            if not self.malformed:
+                _log.error("%s: a message cannot be recorded: %s", stream.topic, error)
+            self.malformed += 1
+            self.dropped += 1
+            return
+        self.written += 1
 
     def _turn_over(self) -> None:
         assert self._part is not None

@@ -71,8 +71,9 @@ def poses_in_frame(t_ns: int, p_m: npt.NDArray[np.float64], frame: str = TRACKER
 def grid(t_ns: int, power: npt.NDArray[np.floating]) -> Grid:
     """An AOA profile (180, 360): rows are polar angles from 0.5 deg, columns azimuths from -180 deg; one byte a cell,
     255 at the peak."""
-    peak = max(float(power.max()), float(np.finfo(np.float32).tiny))
-    cells = np.rint(np.asarray(power, np.float32) * (_STEPS / peak)).clip(0, _STEPS).astype(np.uint8)
+    peak = float(power.max())
+    scale = _STEPS / peak if peak > 0 else 0.0
+    cells = np.rint(np.asarray(power, np.float64) * scale).clip(0, _STEPS).astype(np.uint8)
     columns = cells.shape[1]
     field = PackedElementField(name="power", offset=0, type=PackedElementField.UINT8)
     return Grid(

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from companion.clock import MonotonicClock
-from companion.config_file import load_config
+from companion.config_file import load_config, save_config
 from companion.control import ask
 from companion.errors import CompanionError
 from companion.event_clock import EventClock
@@ -134,6 +134,13 @@ def test_fault_26_a_full_disk_is_counted_and_recording_goes_on_when_there_is_roo
 async def test_fault_26_a_full_disk_never_disturbs_the_set_point_stream(small_disk: Path, tmp_path: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), small_disk, 4, use_netlink=False)
+        # Such a small disk would rightly not be engaged with; and this flight is to go on, whatever it comes near to.
+        uav = dataclasses.replace(
+            stage.uav,
+            recorder=dataclasses.replace(stage.uav.recorder, min_free_mib=0.0),
+            gate=dataclasses.replace(stage.uav.gate, min_neighbour_m=0.01),
+        )
+        save_config(uav, stage.directory / f"{uav.name}.yaml")
         truths: list[WorldTruth] = []
         with bind_datagram_socket(stage.truth_socket) as sock:
             async with Cast(stage, tmp_path):

@@ -180,6 +180,20 @@ def test_a_file_that_cannot_be_written_or_read_is_named(tmp_path: Path) -> None:
         open_session(tmp_path / "text.mcap")
 
 
+def test_a_message_that_cannot_be_encoded_costs_only_itself(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    recorder = McapRecorder(path, CONFIG, clock())
+    recorder.record(PROFILE, 5, b"half a profile")
+    recorder.record(POSE, 5, "no pose")
+    recorder.record(TICK, 5, Tick(5))
+    recorder.record(PROFILE, 5, bytes(2 * 180 * 360))  # nothing was heard: all zero
+    recorder.close()
+    assert recorder.counters() | {"queued": 0} == {
+        "written": 2, "dropped": 2, "malformed": 2, "failures": 0, "queued": 0, "removed_files": 0,
+    }  # fmt: skip
+    assert [m.topic for m in read_log(path, {TICK.topic, PROFILE.topic})] == [TICK.topic, PROFILE.topic]
+
+
 def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     write(path, 10)
