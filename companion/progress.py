@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +13,14 @@ from rich.progress import Progress
 
 _PATIENCE_S: Final = 1.0
 _REDRAW_S: Final = 0.1
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner for work whose length is not known. Silent where there is no terminal."""
+    console = Console(stderr=True)
+    with console.status(what) if console.is_terminal else contextlib.nullcontext():
+        yield
 
 
 @contextmanager

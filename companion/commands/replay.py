@@ -18,7 +18,7 @@ from companion.config import Config
 from companion.config_file import load_config
 from companion.errors import CompanionError
 from companion.log_reader import Session, open_session
-from companion.progress import tracked_bytes
+from companion.progress import tracked_bytes, working
 from companion.replay.check import StreamCheck, check
 from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
 from companion.replay.player import Player
@@ -178,7 +178,8 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
     from companion.analysis_report import as_json, problem_lines, run_table
     from companion.log.recording import analyze_session
 
-    result = analyze_session(session)
+    with working("estimating"):
+        result = analyze_session(session)
     console = Console() if Console().is_terminal else Console(width=_WIDTH)
     console.print(run_table(result))
     for line in problem_lines(result):

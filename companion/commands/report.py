@@ -10,7 +10,7 @@ import click
 
 from companion.errors import CompanionError
 from companion.log_reader import Session, open_session
-from companion.progress import tracked_bytes
+from companion.progress import tracked_bytes, working
 from companion.trajectories import PoseKind
 
 _file = click.Path(path_type=Path)
@@ -47,7 +47,8 @@ def _flight(session: Session) -> tuple[str, dict[str, Any]]:
 
     with tracked_bytes("reading") as progress:
         content = gather(session, progress)
-    return flight_page(content), figures(content)
+    with working("drawing"):
+        return flight_page(content), figures(content)
 
 
 def _recording(session: Session, kind: PoseKind | None) -> tuple[str, dict[str, Any]]:
@@ -56,7 +57,8 @@ def _recording(session: Session, kind: PoseKind | None) -> tuple[str, dict[str, 
     from companion.report.page import recording_page
     from companion.report.pictures import path_of
 
-    result = analyze_session(session, kind)
+    with working("estimating"):
+        result = analyze_session(session, kind)
     bearings = [
         (link.name, link.estimate.azimuth_rad)
         for link in result.links
