@@ -10,7 +10,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
 	@echo "make test   checks and tests"
-	@echo "make faults long fault campaigns (an hour or more); figures in build/fault-figures.json"
+	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/faults.md"
 	@echo "make mutants  mutation test of the set point gate"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
@@ -42,7 +42,8 @@ test: check t265
 	$(BIN)/python -m pytest tests/faults tests/sitl
 
 faults: $(VENV)/dev.stamp t265
-	FAULT_CAMPAIGN=long $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
+	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
+	$(BIN)/python -m tests.faults.figures
 
 # cosmic-ray changes the file it tests: it works on a copy. Its own environment, since it pulls in a database.
 mutants: $(VENV)/dev.stamp

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
+from benchmarks.intake import crowds, line, plot, throughput
 from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
 from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
@@ -25,8 +26,30 @@ _GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "approach.m
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the figures here.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for the plot.")
 @click.option("--memory-iterations", type=click.IntRange(min=1), default=1000, show_default=True)
-def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> None:
+@click.option("--intake-seconds", type=click.FloatRange(min=1), default=60.0, show_default=True)
+@click.option("--curve-seconds", type=click.FloatRange(min=1), default=5.0, show_default=True)
+@click.option("--intake-only", is_flag=True, help="Only the radio's way in.")
+def main(
+    json_path: Path | None,
+    out: Path | None,
+    memory_iterations: int,
+    intake_seconds: float,
+    curve_seconds: float,
+    intake_only: bool,
+) -> None:
     """Times are the best of several runs; compare ratios, not seconds, between machines."""
+    speed, heard = throughput(), []
+    click.echo(f"CSI from file: {speed.batch_per_s / 1e3:.0f} k records/s; live path: {speed.live_us:.1f} us a record")
+    for crowd in crowds(intake_seconds, curve_seconds):
+        click.echo(line(crowd))
+        heard.append(crowd)
+    intake = {**asdict(speed), "crowds": [asdict(crowd) for crowd in heard]}
+    if out is not None:
+        plot(heard[1:], out)
+    if intake_only:
+        if json_path is not None:
+            json_path.write_text(json.dumps({"intake": intake}, indent=2) + "\n")
+        return
     rows = profile_rows(COUNTS)
     click.echo("360 x 180 far-field profile, and 32 more packets in a sliding window [ms]")
     click.echo(f"{'packets':>8} {'naive':>9} {'gemm':>8} {'ours':>8} {'naive/ours':>11} {'+32':>7} {'+32/ours':>9}")
@@ -51,8 +74,8 @@ def main(json_path: Path | None, out: Path | None, memory_iterations: int) -> No
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
-        figures["informativeness"] = asdict(told)
-        figures |= {"recording": asdict(recording), "replay_factor": factor, "memory_mb": memory}
+        figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
+        figures |= {"recording": asdict(recording), "replay_factor": factor}
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, times, out)

@@ -20,6 +20,9 @@ _TURNAROUND_DOUBT_NS: Final = 300_000
 _KEPT: Final = 256
 _LEAST: Final = 16
 _DRIFT: Final = 100e-6
+_MAX_DRIFT: Final = 5e-3
+"""Ten times what Linux slews a clock by; one host of the recordings is at 3500 ppm."""
+_LEAST_SPAN_NS: Final = 500_000_000
 _DATAGRAMS: Final = 100
 _LONGEST_DELAY_NS: Final = 60_000_000
 _SLACK_NS: Final = 20_000_000
@@ -55,12 +58,13 @@ class ClockRelation:
     def __init__(self, we_ping: bool) -> None:
         self._turnaround_ns = _TURNAROUND_NS if we_ping else -_TURNAROUND_NS
         self._samples: deque[tuple[int, int]] = deque(maxlen=_KEPT)
-        self._latest_sent: deque[int] = deque(maxlen=_DATAGRAMS)
+        self._sent: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
+        """(arrival, sending less arrival)"""
 
     def clear(self) -> None:
         """The neighbour has rebooted, or the pinging robot has: nothing known holds any more."""
         self._samples.clear()
-        self._latest_sent.clear()
+        self._sent.clear()
 
     def add_exchange(self, ours_ns: int, theirs_ns: int) -> None:
         """One exchange, stamped by both."""
@@ -68,7 +72,7 @@ class ClockRelation:
 
     def add_datagram(self, arrived_ns: int, sent_ns: int) -> None:
         """Arrival on our clock, sending on theirs: a bound, since nothing arrives before it was sent."""
-        self._latest_sent.append(sent_ns - arrived_ns)
+        self._sent.append((arrived_ns, sent_ns - arrived_ns))
 
     def add_uncounted(self, ours_ns: Times, theirs_ns: Times) -> int | None:
         """Times of the packets that each end heard of the other during the same few seconds, as of `card_times`.
@@ -85,23 +89,39 @@ class ClockRelation:
 
         It lies between the offset of the fastest datagram and that plus the longest delay of the network.
         """
-        if not self._latest_sent or min(len(ours_ns), len(theirs_ns)) < _LEAST:
+        if not self._sent or min(len(ours_ns), len(theirs_ns)) < _LEAST:
             return None
-        least_ns = max(self._latest_sent) - _SLACK_NS
+        least_ns = max(sent for _, sent in self._sent) - _SLACK_NS
         return _correlate(np.sort(ours_ns), np.sort(theirs_ns), least_ns, least_ns + _LONGEST_DELAY_NS)
 
     def offset(self, now_ns: int) -> Offset | None:
-        """None before enough exchanges are shared."""
+        """At `now_ns`; None before enough exchanges are shared.
+
+        A host clock that is being slewed drifts by milliseconds within the samples, so that they lie about a line.
+        """
         if len(self._samples) < _LEAST:
             return None
-        samples = np.array([offset for _, offset in self._samples])
-        middle = int(np.median(samples))
-        spread = 1.4826 * float(np.median(np.abs(samples - middle)))
-        uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - self._samples[-1][0])
-        if self._latest_sent:
-            # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
-            uncertainty += max(0, max(self._latest_sent) - middle)
-        return Offset(middle, uncertainty, len(samples))
+        at_ns, samples = np.array(self._samples, np.int64).T
+        newest_ns = int(at_ns.max())
+        slope = _slope(at_ns, samples)
+        level = samples - slope * (at_ns - newest_ns)
+        middle = float(np.median(level))
+        spread = 1.4826 * float(np.median(np.abs(level - middle)))
+        uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
+        # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
+        early = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
+        ahead = slope * (now_ns - newest_ns)
+        return Offset(round(middle + ahead), uncertainty + max([0.0, *early]), len(samples))
+
+
+def _slope(at_ns: Times, samples_ns: Times) -> float:
+    """Drift between the clocks from the medians of the first and the last third, 0 where time says nothing of it."""
+    third = len(at_ns) // 3
+    span_ns = float(np.median(at_ns[-third:]) - np.median(at_ns[:third]))
+    if span_ns < _LEAST_SPAN_NS:
+        return 0.0
+    rise = float(np.median(samples_ns[-third:]) - np.median(samples_ns[:third])) / span_ns
+    return min(_MAX_DRIFT, max(-_MAX_DRIFT, rise))
 
 
 def card_times(nic_us: npt.NDArray[np.int64], t_ns: Times) -> Times:

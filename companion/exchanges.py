@@ -14,6 +14,7 @@ from companion.errors import CompanionError
 from companion.recordings import KNOWN_TRANSMITTERS
 from csi_bridge.clock import host_times_s
 from csi_bridge.dat import CsiLog, DatFileError, read_dat
+from csi_bridge.scaling import without_spatial_mapping
 from wsr.channel import centre_channel, pair_by_counter, pair_by_time, strongest_antenna
 from wsr.reduced import as_sent
 
@@ -170,8 +171,18 @@ def _check_same_run(rx: CsiLog, t_rx_s: Times, tx: CsiLog, t_tx_s: Times) -> Non
 
 def _strongest(log: CsiLog, link: Indices, chosen: Indices) -> npt.NDArray[np.complex64]:
     """CSI (K, 30) of the antenna that has the most power over the whole link."""
-    csi = log.csi[link, :, :, 0]
+    csi = _first_antenna(log, link)
     return csi[chosen, :, strongest_antenna(csi)]
+
+
+def _first_antenna(log: CsiLog, link: Indices) -> npt.NDArray[np.complex64]:
+    """CSI (N, 30, R) of the sender's first antenna, where it mixed several over its streams."""
+    csi = log.csi[link, :, :, 0]
+    mixed = np.flatnonzero(log.n_tx[link] > 1)
+    for rate, n_tx in set(zip(log.rate[link][mixed].tolist(), log.n_tx[link][mixed].tolist(), strict=True)):
+        same = mixed[(log.rate[link][mixed] == rate) & (log.n_tx[link][mixed] == n_tx)]
+        csi[same] = without_spatial_mapping(log.csi[link[same], :, :, :n_tx], rate)[..., 0]
+    return csi
 
 
 def _duplicates(ours: npt.NDArray[np.int64], theirs: npt.NDArray[np.int64]) -> int:

@@ -18,7 +18,7 @@ from companion.engagement import Engagement
 from companion.event_clock import EventClock
 from companion.events import CommandOutcome, Tick, Wish
 from companion.flight_commands import FlightCommands, MakeCommands
-from companion.flight_log import GateReport, MissionStep, ObservedSetpoint
+from companion.flight_log import GateReport, MissionStep, ObservedSetpoint, target_report
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, VehicleState
 from companion.mission import Action, Event, State
@@ -45,7 +45,6 @@ from companion.streams import (
 )
 from companion.surroundings import Surroundings
 from companion.targets import Targets
-from companion.tracker import Bearing, Target, TargetReport
 
 _log = logging.getLogger(__name__)
 _RATE_HZ = 20.0
@@ -216,7 +215,7 @@ class Flight:
         steers = steers and estimate.reliability >= self._config.aperture.min_reliability  # type: ignore[union-attr]
         if steers:
             assert bearing is not None
-            report = _target_report(iteration, bearing, self._targets.add(iteration.peer, bearing))
+            report = target_report(iteration, bearing, self._targets.add(iteration.peer, bearing))
             self._recorder.record(TARGET, bearing.t_mono_ns, report)
         if iteration.peer == self._config.target:
             self._note_iteration(iteration, steers)
@@ -441,14 +440,6 @@ class Flight:
 
     def _age_s(self, t_ns: int | None) -> float:
         return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
-
-
-def _target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
-    place = None
-    if target.origin_local_enu_m is not None:
-        x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
-        place = (x, y, z)
-    return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)
 
 
 _FAILURES = frozenset({Event.PREFLIGHT_FAILED, Event.TAKEOFF_FAILED, Event.OFFBOARD_REFUSED})

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from companion.clock import NS_PER_S
 from companion.messages import Setpoint, Vector3, VehicleState
-
-_NS_PER_S: Final = 1_000_000_000
 
 
 class Reason(StrEnum):
@@ -138,7 +137,7 @@ class Gate:
             low <= p <= high for low, p, high in zip(limits.fence_min_m, wanted_p, limits.fence_max_m, strict=True)
         )
         broken = {
-            Reason.STALE: not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * _NS_PER_S,
+            Reason.STALE: not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * NS_PER_S,
             Reason.FENCE_BOX: not all(inside),
             Reason.FENCE_CYLINDER: math.hypot(wanted_p[0], wanted_p[1]) > limits.fence_radius_m,
             Reason.HEIGHT: wanted_p[2] < limits.min_height_m,
@@ -170,6 +169,6 @@ def _flown(state: VehicleState, now_ns: int, max_age_s: float) -> tuple[Vector3,
     if p_m is None or v_m_s is None or yaw_rad is None or t_ns is None:
         return None
     # Telemetry may arrive between the reading of the clock and of the state: younger than now is fine here.
-    if now_ns - t_ns > max_age_s * _NS_PER_S or not all(map(math.isfinite, (*p_m, *v_m_s, yaw_rad))):
+    if now_ns - t_ns > max_age_s * NS_PER_S or not all(map(math.isfinite, (*p_m, *v_m_s, yaw_rad))):
         return None
     return p_m, v_m_s, yaw_rad

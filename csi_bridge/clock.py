@@ -82,7 +82,8 @@ class NicClock:
             step_us = (stamp_us - self._last_stamp_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
             step_ns = step_us * 1000
             late_ns = t_mono_ns - self._start_offset_ns - self._nic_ns - step_ns
-            if step_ns < -_RESET_NS or not -_RESET_NS < late_ns < _LATEST_NS:
+            went_back = step_ns < 0 and t_mono_ns - self._last_mono_ns - step_ns > _RESET_NS
+            if went_back or not -_RESET_NS < late_ns < _LATEST_NS:
                 self.resets += 1
                 self._restart(stamp_us, t_mono_ns)
             else:

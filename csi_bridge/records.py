@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -63,6 +64,7 @@ class MpduRecord:
     payload: bytes
 
 
+@lru_cache(maxsize=1024)
 def row_antennas(antenna_sel: int, n_rx: int) -> tuple[int, ...]:
     """Antenna (0 = A) of each payload row, from 2 bits per row; 0, 1, .. where `antenna_sel` cannot be right."""
     antennas = tuple(antenna_sel >> 2 * row & 3 for row in range(n_rx))
@@ -70,6 +72,7 @@ def row_antennas(antenna_sel: int, n_rx: int) -> tuple[int, ...]:
     return antennas if valid else tuple(range(n_rx))
 
 
+@lru_cache(maxsize=1024)
 def row_ranks(antenna_sel: int, n_rx: int) -> tuple[int, ...]:
     """Place of each payload row when rows are sorted by antenna: a permutation of 0..n_rx-1."""
     antennas = row_antennas(antenna_sel, n_rx)

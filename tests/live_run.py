@@ -78,17 +78,19 @@ class Timeline:
 
 
 class RobotClock:
-    """The timeline as one robot's host counts it."""
+    """The timeline as one robot's host counts it: with another zero, and faster by `drift`. One host of the recordings
+    is slewed by 3500 ppm."""
 
-    def __init__(self, timeline: Timeline, offset_s: float) -> None:
+    def __init__(self, timeline: Timeline, offset_s: float, drift: float = 0.0) -> None:
         self._timeline = timeline
         self.offset_ns = round(offset_s * NS_PER_S)
+        self.drift = drift
 
     def now_ns(self) -> int:
-        return self._timeline.now_ns + self.offset_ns
+        return self._timeline.now_ns + round(self.drift * self._timeline.now_ns) + self.offset_ns
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
-        await self._timeline.sleep_until_ns(deadline_ns - self.offset_ns)
+        await self._timeline.sleep_until_ns(round((deadline_ns - self.offset_ns) / (1 + self.drift)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,12 @@ class LiveLink:
         assert self.analysed_azimuth_rad is not None
         return abs((self.azimuth_rad - self.analysed_azimuth_rad + np.pi) % (2 * np.pi) - np.pi)
 
+    @property
+    def polar_apart_rad(self) -> float:
+        assert self.polar_rad is not None
+        assert self.analysed_polar_rad is not None
+        return abs(self.polar_rad - self.analysed_polar_rad)
+
 
 @dataclass(slots=True)
 class _Robot:
@@ -133,7 +141,7 @@ class _Robot:
     )
 
     def feed(self, now_ns: int) -> None:
-        reached_s = self.play_from_s + now_ns / NS_PER_S
+        reached_s = self.play_from_s + (1 + self.clock.drift) * now_ns / NS_PER_S
         last = int(np.searchsorted(self.tape.t_s, reached_s, "right"))
         for code, body in self.tape.records[self.next_record : last]:
             self.feeder.send(code, body)
@@ -195,7 +203,7 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
                     0 if estimate is None else estimate.packets,
                     theirs.packets,
                     neighbour.health(uav.clock.now_ns()),
-                    (robot.clock.offset_ns - uav.clock.offset_ns) / NS_PER_S,
+                    (robot.clock.now_ns() - end_ns) / NS_PER_S,
                     robot.node.sender.sent_bytes / ((end_ns - uav.clock.offset_ns) / NS_PER_S),
                 )
             )
@@ -231,7 +239,7 @@ async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory
         for robot in robots:
             robot.feed(now_ns)
             if robot is not uav and now_ns % _STILL_NS == 0:
-                robot.send_pose(now_ns + robot.clock.offset_ns, (0.0, 0.0, 0.0))
+                robot.send_pose(robot.clock.now_ns(), (0.0, 0.0, 0.0))
         await timeline.advance(now_ns)
 
 
@@ -275,23 +283,27 @@ def _robots(
             pose=PoseConfig(),
             autopilot=AutopilotConfig("udpin://127.0.0.1:1") if name == "rx" else None,
         )
-        offset_s = 0.0 if name == "rx" else clock_offset_s(rx, tapes[name], macs[name], rx_mac)
+        offset_s, drift = (0.0, 0.0) if name == "rx" else clock_line(rx, tapes[name], macs[name], rx_mac)
         feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
-        # The recorded offset sets the beacon's clock; its tape plays when the air carried it.
-        clock = RobotClock(timeline, _ZERO_S + offset_s)
+        # The recorded clocks set those of the beacons; a tape plays when the air carried it.
+        clock = RobotClock(timeline, _ZERO_S + offset_s, drift)
         tape = rx if name == "rx" else tapes[name]
         robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
     return robots
 
 
-def clock_offset_s(rx: Tape, tx: Tape, mac: str, rx_mac: str) -> float:
-    """Wall clock of the transmitter's recording less that of the receiver's, from the counters both logs share; 0 where
-    they have none, since such recordings agree."""
+def clock_line(rx: Tape, tx: Tape, mac: str, rx_mac: str) -> tuple[float, float]:
+    """Wall clock of the transmitter's recording less that of the receiver's at the start of `rx`, and its drift, from
+    the counters both logs share; zeros where they have none, since such recordings agree."""
     ours, theirs = _counted(rx, mac), _counted(tx, rx_mac)
     common = sorted(ours.keys() & theirs.keys() - {-1})
     if len(common) < 20:
-        return 0.0
-    return float(np.median([theirs[frame] - ours[frame] for frame in common]))
+        return 0.0, 0.0
+    since_s = np.array([ours[frame] for frame in common]) - rx.t_s[0]
+    parts = np.array_split(np.stack([since_s, np.array([theirs[frame] - ours[frame] for frame in common])]), 8, axis=1)
+    t_s, apart_s = np.array([np.median(part, axis=1) for part in parts]).T
+    drift, offset_s = np.polyfit(t_s, apart_s, 1)
+    return float(offset_s), float(drift)
 
 
 def _counted(tape: Tape, mac: str) -> dict[int, float]:

@@ -13,7 +13,6 @@ stands by itself, so that it does not matter which ones share a datagram.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -38,7 +37,7 @@ def reduce_channel(csi: NDArray[np.complex64]) -> tuple[Coefficients, NDArray[np
     k = SUBCARRIERS_20MHZ.astype(np.float64)
     two_apart = np.flatnonzero(np.diff(SUBCARRIERS_20MHZ) == 2)
     slope = np.angle((values[:, two_apart + 1] * values[:, two_apart].conj()).sum(axis=1)) / 2
-    projected = (values * np.exp(-1j * slope[:, None] * k)) @ _basis().conj()
+    projected = (values * np.exp(-1j * slope[:, None] * k)) @ _BASIS.conj()
     parts = np.stack([projected.real, projected.imag], axis=-1)
     peak = np.abs(parts).max(axis=(1, 2), initial=0.0)
     wanted = _SCALES_PER_OCTAVE * (np.log2(np.maximum(peak / FULL, 1e-30)) - _SMALLEST_LOG2)
@@ -51,7 +50,7 @@ def restore_channel(coefficients: Coefficients, scale: NDArray[np.uint8]) -> NDA
     """CSI (M, 30) in counts of the card, without the packet's own delay."""
     steps = coefficients.astype(np.float64)
     values = (steps[..., 0] + 1j * steps[..., 1]) * _unit(scale)[:, None]
-    return np.asarray(values @ _basis().T, np.complex64)
+    return np.asarray(values @ _BASIS.T, np.complex64)
 
 
 def as_sent(csi: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -63,7 +62,6 @@ def _unit(scale: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.asarray(np.exp2(scale / _SCALES_PER_OCTAVE + _SMALLEST_LOG2))
 
 
-@lru_cache(maxsize=1)
 def _basis() -> NDArray[np.complex128]:
     """(30, 8), orthonormal."""
     apart_hz = (SUBCARRIERS_20MHZ[:, None] - SUBCARRIERS_20MHZ) * SUBCARRIER_SPACING_HZ
@@ -73,3 +71,6 @@ def _basis() -> NDArray[np.complex128]:
     # Eigenvectors are known but for a phase, which depends on the library: both ends must have the same.
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(COEFFICIENTS)]
     return np.asarray(vectors * (np.abs(largest) / largest))
+
+
+_BASIS: Final = _basis()

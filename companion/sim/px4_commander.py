@@ -188,7 +188,9 @@ class Commander:
     def _demand(self) -> Demand:
         if self.mode is Mode.TAKEOFF:
             return self._vertical(float(self.parameters["MPC_TKO_SPEED"]))
-        if self.mode is Mode.LAND or (self.mode is Mode.RTL and self._is_home()):
+        if self.mode is Mode.RTL and self._is_home():
+            return Demand((0.0, 0.0, None), (0.0, 0.0, -float(self.parameters["MPC_LAND_SPEED"])))
+        if self.mode is Mode.LAND:
             return self._vertical(-float(self.parameters["MPC_LAND_SPEED"]))
         if self.mode is Mode.RTL:
             return Demand((0.0, 0.0, self._target.p_enu_m[2]), (0.0, 0.0, 0.0))

@@ -145,7 +145,9 @@ class _World:
             clock,
             self._on_iteration,
         )
-        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False)
+        intake = SimpleNamespace(
+            problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda t_ns, yaw_rad: None
+        )
         node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
         recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False, counters=dict))
         self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)

@@ -8,5 +8,10 @@ from typing import Final
 FULL: Final = os.environ.get("COMPANION_FAULTS") == "full"
 
 
-def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
+def runs(short: int, full: int) -> int:
+    """How often a fault is injected, or how much of it there is."""
     return full if FULL else short
+
+
+def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
+    return runs(short, full)

@@ -9,11 +9,12 @@ from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.parser import CsiLogParser, parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord
 from tests.csi_records import record
-from tests.faults.campaigns import mutants
+from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
 from tests.mutation import mutant
 
 SEED = 14
+MUTANTS = runs(10_000, 1_000_000)
 
 
 def test_fault_14_mutated_records_raise_nothing_but_the_parsers_error() -> None:
@@ -24,7 +25,7 @@ def test_fault_14_mutated_records_raise_nothing_but_the_parsers_error() -> None:
         for n_rx, n_tx in ((3, 1), (2, 2), (1, 3))
     ]
     refused = accepted = 0
-    for number in range(mutants()):
+    for number in range(MUTANTS):
         original = messages[number % len(messages)]
         # The headers decide what happens, so most mutations go there.
         changed = mutant(original[:60], rng) + original[60:] if rng.random() < 0.8 else mutant(original, rng)
@@ -34,16 +35,16 @@ def test_fault_14_mutated_records_raise_nothing_but_the_parsers_error() -> None:
             refused += 1
         else:
             accepted += isinstance(parsed, CsiRecord)
-    assert refused > mutants() // 10
-    assert accepted > mutants() // 10
-    note(14, "mutated records", mutants=mutants(), refused=refused, read_as_csi=accepted, other_errors=0)
+    assert refused > MUTANTS // 10
+    assert accepted > MUTANTS // 10
+    note(14, "mutated records", mutants=MUTANTS, refused=refused, read_as_csi=accepted, other_errors=0)
 
 
 def test_fault_14_a_mutated_log_loses_little_more_than_what_was_hit() -> None:
     rng = random.Random(SEED)
     good = [encode_file_record(CSI_CODE, encode_body(record(seed=number, frame_count=number))) for number in range(60)]
     good.insert(30, encode_file_record(MPDU_CODE, b"frame" * 9))
-    rounds = mutants(100, 10_000)
+    rounds = runs(100, 10_000)
     lost = hit = 0
     for _ in range(rounds):
         at = rng.randrange(5, 55)

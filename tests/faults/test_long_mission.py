@@ -33,7 +33,7 @@ from companion.sim.px4_commander import Commander, Mode
 from companion.sim.stage import set_stage
 from companion.window import SarWindow
 from csi_bridge.records import SUBCARRIERS
-from tests.faults.campaign import runs
+from tests.faults.campaigns import runs
 from tests.faults.figures import record
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture

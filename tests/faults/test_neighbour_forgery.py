@@ -15,12 +15,13 @@ from companion.broadcast import Link, NeighbourSender
 from companion.clock import NS_PER_S, ManualClock
 from companion.config import Config, CsiConfig, NeighbourConfig
 from companion.neighbours import NeighbourReceiver, Standing
-from tests.faults.campaigns import FULL, mutants
+from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
 from tests.mutation import mutant
 from tests.unit.test_wire import KEY, KEYS, boot, datagram
 
 SEED = 20
+MUTANTS = runs(10_000, 1_000_000)
 
 
 def receiver(clock: ManualClock, book: BootBook | None = None) -> NeighbourReceiver:
@@ -30,7 +31,7 @@ def receiver(clock: ManualClock, book: BootBook | None = None) -> NeighbourRecei
 def test_fault_20_no_forgery_is_accepted() -> None:
     rng, listening = random.Random(SEED), receiver(ManualClock(5))
     originals = [wire.encode(datagram(number, csi=number % 20, poses=number % 6), KEY) for number in range(20)]
-    for number in range(mutants()):
+    for number in range(MUTANTS):
         original = originals[number % len(originals)]
         kind = rng.randrange(3)
         if kind == 0:
@@ -44,9 +45,9 @@ def test_fault_20_no_forgery_is_accepted() -> None:
     refused = neighbour.refused.bad_key + neighbour.refused.malformed
     refused += link.malformed + link.version + link.unknown_sender + link.own
     assert neighbour.accepted == 0
-    assert refused > 0.99 * mutants()
-    assert neighbour.refused.bad_key > mutants() // 4
-    note(20, "forged datagrams", forgeries=mutants(), accepted=0)
+    assert refused > 0.99 * MUTANTS
+    assert neighbour.refused.bad_key > MUTANTS // 4
+    note(20, "forged datagrams", forgeries=MUTANTS, accepted=0)
 
 
 def test_fault_20_a_flood_of_forgeries_costs_little_of_a_core(tmp_path: Path) -> None:
@@ -54,7 +55,7 @@ def test_fault_20_a_flood_of_forgeries_costs_little_of_a_core(tmp_path: Path) ->
     config = Config("beacon", 1, "us", CsiConfig(108), NeighbourConfig("k", _free_port()), [])
     link, listening = Link(config), receiver(ManualClock(5))
     forged = wire.encode(datagram(), b"x" * 32)
-    count, batch = (50_000 if FULL else 5_000), 100
+    count, batch = runs(5_000, 50_000), 100
     taken, used_s = 0, 0.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)

@@ -34,9 +34,10 @@ from companion.sim.truth import WorldTruth, decode_world
 from companion.streams import CSI, POSE_IN, SETPOINT, TICK
 from companion.unix_datagram import bind_datagram_socket
 from tests.faults import figures
+from tests.faults.campaigns import runs
 
 CONFIG = load_config(Path(__file__).resolve().parents[2] / "configs" / "uav.yaml")
-KILLS = int(os.environ.get("FAULT_RUNS", "4"))
+KILLS = runs(4, 100)
 
 
 def test_fault_25_a_killed_recorder_loses_less_than_a_second(tmp_path: Path) -> None:

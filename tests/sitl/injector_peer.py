@@ -44,7 +44,7 @@ def fields() -> None:
     sender.send(ping_frame(MAC, 0x01020304, 57))
     data = next(data for data in received(listener) if data[24 + TAP : 28 + TAP] == bytes([1, 2, 3, 4]))
     tap = RadioTap(data)
-    frame = tap.getlayer(Dot11)
+    frame = tap[Dot11]
     print(
         f"type {frame.type} subtype {frame.subtype} tods {int(frame.FCfield)} duration {frame.ID} sequence {frame.SC}"
     )

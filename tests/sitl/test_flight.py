@@ -23,7 +23,7 @@ import pytest_asyncio
 
 from companion.clock import NS_PER_S
 from companion.unix_datagram import bind_datagram_socket
-from tests.faults.campaign import runs
+from tests.faults.campaigns import runs
 from tests.faults.figures import record
 from tests.sitl.flying import Flying
 from tests.sitl.flying import flying as running
@@ -82,7 +82,7 @@ async def test_fault_10_a_refused_or_ignored_offboard_is_given_up(flying: Flying
     since_s = time.monotonic()
     took_s = await _seconds_until_latched(flying, since_s, 8.0) - 1.0  # the stream runs for 1 s before it is asked for
     status = await flying.status()
-    record(10, **{f"{how}_given_up_after_s": round(took_s, 2)})
+    record(10, given_up_after_s=round(took_s, 2))
     assert took_s < 3.3
     assert "offboard_refused: mode offboard: not confirmed by telemetry" in status["reason"]
     assert (await flying.px4("offboard accept")).mode == "HOLD"
@@ -111,6 +111,7 @@ async def test_fault_09_a_pilot_is_obeyed_and_never_overruled(flying: Flying) ->
 
 
 async def test_fault_08_silent_heartbeats_lose_the_link(flying: Flying) -> None:
+    figures: dict[str, float] = {}
     for what in ("everything", "heartbeats"):
         await flying.fly()
         await flying.px4(f"mute {what}")
@@ -118,7 +119,7 @@ async def test_fault_08_silent_heartbeats_lose_the_link(flying: Flying) -> None:
         took_s = await _seconds_until_latched(flying, since_s, 5.0)
         status = await flying.status()
         sent = await flying.px4("mute nothing")
-        record(8, **{f"{what}_lost_after_s": round(took_s, 2)})
+        figures[f"{what}_lost_after_s"] = round(took_s, 2)
         assert status["reason"] == "link_lost"
         # The bar is 1.5 s after the newest heartbeat; one may have come just before the silence began.
         assert took_s <= 1.5 + 0.2
@@ -126,6 +127,7 @@ async def test_fault_08_silent_heartbeats_lose_the_link(flying: Flying) -> None:
         report = await flying.px4()
         assert report.setpoints == sent.setpoints and report.mode == "HOLD"
         assert (await flying.status())["state"] == "latched", "only a person engages again"
+    record(8, **figures)
 
 
 async def test_fault_03_a_service_that_stood_still_is_idle_after_it(flying: Flying) -> None:
@@ -261,7 +263,8 @@ async def test_fault_18_a_jump_of_the_poses_drops_the_aperture_and_moves_nothing
 
 
 async def test_fault_29_a_silent_ground_robot_is_not_chased(flying: Flying) -> None:
-    await flying.fly("acquiring", "approaching")
+    await flying.fly("approaching")
+    await flying.until(lambda status: status["state"] == "approaching" and not status["bearing_stale"])
     os.kill(flying.cast.pid("beacon"), signal.SIGSTOP)
     since_s = time.monotonic()
     await flying.in_state("holding", timeout_s=10.0)
@@ -320,7 +323,7 @@ async def test_fault_04_a_part_that_fails_leaves_the_vehicle_in_hold(flying: Fly
     report = await flying.px4()
     began_ns, mode = report.history[-1]
     took_s = (began_ns - raised_ns) / NS_PER_S
-    record(4, **{f"{task.replace(' ', '_')}_hold_after_s": round(took_s, 2)})
+    record(4, hold_after_s=round(took_s, 2), exit_code=code)
     assert mode == "HOLD" and not report.failsafe and took_s <= 0.5
     assert code == 1
     assert f"a test made task {task} fail" in (flying.out / "uav.txt").read_text()

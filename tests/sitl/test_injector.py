@@ -29,7 +29,7 @@ SCRIPT = Path(__file__).with_name("injector_peer.py")
 
 def _namespace_refused() -> str:
     done = subprocess.run(
-        [*NAMESPACE, "ip link add a type veth peer name b"],
+        [*NAMESPACE, "ip link add left type veth peer name right"],
         capture_output=True,
         text=True,
     )

@@ -141,3 +141,32 @@ def test_recordings_slightly_out_of_order() -> None:
     halves = np.concatenate([np.arange(3500, 3600), np.arange(3400, 3500)])
     mapped_s = host_times_s(stamps_us[halves].astype(np.uint32), host_s[halves])
     assert mapped_s - true_ns[halves] * 1e-9 == pytest.approx(np.full(200, 1e-4), abs=2e-4)
+
+
+@pytest.mark.parametrize("skew", [-40e-6, 0.0, 40e-6])
+@pytest.mark.parametrize("start_us", [1000, WRAP_US - 20_000_000])
+def test_twenty_milliseconds_of_jitter_and_outliers_leave_a_fifth_of_one(skew: float, start_us: int) -> None:
+    """Every packet is late by up to 20 ms, one in twenty by up to half a second."""
+    rng = np.random.default_rng(11)
+    true_ns = np.cumsum(rng.exponential(1e9 / 150, 9000)) + 5e12
+    stamps_us = (start_us + np.round((true_ns - true_ns[0]) * 1e-3 * (1 + skew)).astype(np.int64)) % WRAP_US
+    outlier = rng.random(len(true_ns)) < 0.05
+    read_ns = true_ns + rng.uniform(0, 20e6, len(true_ns)) + outlier * rng.uniform(0, 480e6, len(true_ns))
+    clock = NicClock()
+    mapped_ns = np.array([clock.update(int(s), int(t)) for s, t in zip(stamps_us, read_ns, strict=True)])
+    assert clock.resets == 0
+    settled = np.abs(clock.host_ns(stamps_us[-1500:].astype(np.uint32)) - true_ns[-1500:])
+    assert settled.max() < 0.2e6
+    assert np.quantile(np.abs(mapped_ns - true_ns)[2000:], 0.9) < 0.5e6
+
+
+def test_a_host_that_stalled_is_no_reset_of_the_card() -> None:
+    clock = NicClock()
+    for number in range(1000):
+        clock.update(number * 5000, 10_000_000_000 + number * 5_000_000)
+    # Two seconds of records are read at once, then those that were lost are missing.
+    late_ns = 10_000_000_000 + 1400 * 5_000_000
+    for number in range(1000, 1200):
+        assert abs(clock.update(number * 5000, late_ns) - 10_000_000_000 - number * 5_000_000) < 200_000
+    assert abs(clock.update(1400 * 5000, late_ns) - late_ns) < 200_000
+    assert clock.resets == 0

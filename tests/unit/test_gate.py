@@ -10,7 +10,7 @@ import pytest
 
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, Vector3, VehicleState
-from tests.faults.campaign import runs
+from tests.faults.campaigns import runs
 from tests.faults.figures import record
 
 _NOW_NS = 1_000_000_000_000
@@ -193,6 +193,9 @@ def test_a_velocity_alone_is_judged_by_where_it_leads() -> None:
     at_edge = dataclasses.replace(fast, p_local_enu_m=(9.51, 0.0, 1.5))
     assert _GATE.check(alone, at_edge, _NOW_NS, True).reasons == (Reason.FENCE_BOX,)
     assert _GATE.check(alone, dataclasses.replace(at_edge, p_local_enu_m=(9.5, 0.0, 1.5)), _NOW_NS, True).passed
+    slower = Setpoint(_NOW_NS, None, (0.8, 0.0, 0.0), None)
+    assert _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.59, 0.0, 1.5)), _NOW_NS, True).passed
+    assert not _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.61, 0.0, 1.5)), _NOW_NS, True).passed
     down = Setpoint(_NOW_NS, None, (0.3, 0.0, -0.5), 0.7)
     assert _GATE.check(down, _at((1.0, 2.0, 0.74)), _NOW_NS, True).reasons == (Reason.HEIGHT,)
     verdict = _GATE.check(Setpoint(_NOW_NS, None, (math.nan, 0.0, 0.0), None), _STATE, _NOW_NS, True)
@@ -267,5 +270,7 @@ def test_limits_that_can_never_be_met_are_refused() -> None:
             dataclasses.replace(_LIMITS, **{name: -1.0})  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"fence_min_m .* must lie below fence_max_m .* on each axis"):
         dataclasses.replace(_LIMITS, fence_min_m=(10.0, -10.0, -1.0))
+    with pytest.raises(ValueError, match="on each axis"):
+        dataclasses.replace(_LIMITS, fence_min_m=(11.0, -10.0, -1.0))
     with pytest.raises(ValueError, match="max_lead_m"):
         dataclasses.replace(_LIMITS, max_lead_m=math.nan)

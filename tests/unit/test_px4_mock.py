@@ -257,6 +257,18 @@ def test_a_lost_stream_is_a_failsafe_and_a_resumed_one_is_followed_again(action:
     assert client.mode() is Mode.OFFBOARD, "PX4 takes a resumed stream up by itself, even out of LAND"
 
 
+def test_return_goes_home_and_lands_there() -> None:
+    client = _Client(parameters={"COM_OBL_RC_ACT": 5, "MIS_TAKEOFF_ALT": 2.0})
+    client.take_off()
+    client.go_offboard()
+    client.run(6, stream_hz=20, point=(4.0, 3.0, -2.0, 0, 0, 0, 0))
+    client.set_mode(_HOLD)
+    assert client.set_mode((4, 5)) == [0, 0]
+    client.run(20)
+    assert client.px4.commander.landed and not client.px4.commander.armed
+    assert client.px4.commander.airframe.p_enu_m == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
+
+
 def test_a_longer_loss_time_is_honoured(client: _Client) -> None:
     assert client.px4.order("parameter COM_OF_LOSS_T 3.0") is None
     client.take_off()

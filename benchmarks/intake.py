@@ -1,0 +1,239 @@
+"""The radio's way in: logs from file, records live, and a crowd of neighbours through real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import socket
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from benchmarks.timing import best_s
+from companion import wire
+from companion.broadcast import Link, NeighbourSender
+from companion.clock import NS_PER_S, ManualClock, MonotonicClock
+from companion.config import Config, CsiConfig, NeighbourConfig
+from companion.neighbours import NeighbourReceiver
+from companion.radio import Radio
+from companion.window import SarWindow
+from csi_bridge.dat import read_dat
+from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
+from csi_bridge.records import CSI_CODE, CsiRecord
+from csi_bridge.source import CsiSource, SourceCounters
+from csi_bridge.unix_socket import UnixFeeder, UnixSource
+
+RATE_HZ = 150.0
+CONNECTOR = 16
+_RECORDS = 50_000
+CURVE = (5, 10, 20, 40, 60, 80, 120, 160)
+_KEY = bytes(32)
+
+
+@dataclass(frozen=True, slots=True)
+class Throughput:
+    """Records a second from file, and microseconds for one on the live path: parsed, stamped, kept, paired."""
+
+    batch_per_s: float
+    live_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class Crowd:
+    """So many neighbours at 150 packets and 10 datagrams a second each, for `seconds`: what was lost and what it
+    took."""
+
+    neighbours: int
+    seconds: float
+    packets: int
+    packets_lost: int
+    datagrams: int
+    datagrams_lost: int
+    overruns: int
+    share_of_a_core: float
+
+
+def throughput() -> Throughput:
+    bodies = [(CSI_CODE, encode_body(_record(number, number % 3))) for number in range(2000)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.dat"
+        log = b"".join(encode_file_record(code, body) for code, body in bodies)
+        path.write_bytes(log * (_RECORDS // len(bodies)))
+        batch_s = best_s(lambda: read_dat(path))
+    return Throughput(_RECORDS / batch_s, 1e6 * best_s(lambda: _take_all(bodies)) / len(bodies))
+
+
+def crowd(neighbours: int, seconds: float) -> Crowd:
+    """A process of its own sends; this one is the service's intake, and its CPU time is counted."""
+    context = multiprocessing.get_context("spawn")
+    ready, done = context.Event(), context.Event()
+    with tempfile.TemporaryDirectory() as folder:
+        port = _free_port()
+        source: CsiSource = (
+            NetlinkSource(CONNECTOR, False, 4 << 20)
+            if connector_available(CONNECTOR) is None
+            else UnixSource(Path(folder) / "csi", 4 << 20)
+        )
+        sender = context.Process(target=_send, args=(neighbours, seconds, port, folder, ready, done))
+        sender.start()
+        try:
+            return asyncio.run(_take(neighbours, seconds, port, source, ready, done))
+        finally:
+            sender.join()
+            source.close()
+
+
+async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, ready: Event, done: Event) -> Crowd:
+    clock = MonotonicClock()
+    ids = range(2, 2 + neighbours)
+    link = Link(_config(port))
+    receiver = NeighbourReceiver(1, {i: f"n{i}" for i in ids}, {i: [_KEY] for i in ids}, clock)
+    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+
+    def on_sample(sample) -> None:  # type: ignore[no-untyped-def]
+        receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
+        window.add_sample(sample)
+
+    radio = Radio(source, {_mac(i): i for i in ids}, clock, on_sample, lambda *_: None)
+
+    def drain() -> None:
+        for data in link.drain():
+            receiver.take(data)
+
+    loop = asyncio.get_running_loop()
+    loop.add_reader(source.fileno(), radio.drain)
+    loop.add_reader(link.fileno(), drain)
+    await asyncio.to_thread(ready.wait)
+    used_s, start_s = time.process_time(), time.monotonic()
+    await asyncio.to_thread(done.wait)
+    await asyncio.sleep(0.3)
+    used_s, wall_s = time.process_time() - used_s, time.monotonic() - start_s
+    loop.remove_reader(source.fileno())
+    loop.remove_reader(link.fileno())
+    link.close()
+    accepted = sum(n.accepted for n in receiver.neighbours.values())
+    packets, datagrams = round(seconds * RATE_HZ) * neighbours, round(seconds * 10) * neighbours
+    return Crowd(
+        neighbours, seconds, packets, packets - radio.counters.samples, datagrams, datagrams - accepted,
+        source.counters.overruns, used_s / wall_s,
+    )  # fmt: skip
+
+
+def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event, done: Event) -> None:
+    """Everything is made beforehand, so that sending takes as little of the machine as it can."""
+    feeder = NetlinkFeeder(CONNECTOR) if connector_available(CONNECTOR) is None else UnixFeeder(Path(folder) / "csi")
+    senders = [NeighbourSender(wire.Role.BEACON, i, _KEY, 50, 1 << 32 | i) for i in range(2, 2 + neighbours)]
+    slots = round(seconds * RATE_HZ)
+    bodies = [encode_body(_record(0, i)) for i in range(neighbours)]
+    csi = np.full(30, 20 + 5j, np.complex64)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        ready.set()
+        start_ns = time.monotonic_ns()
+        for slot in range(slots):
+            due_ns = start_ns + round(slot / RATE_HZ * NS_PER_S)
+            while (left_ns := due_ns - time.monotonic_ns()) > 0:
+                time.sleep(left_ns / NS_PER_S)
+            stamp_us = (due_ns // 1000) & 0xFFFFFFFF
+            for i, body in enumerate(bodies):
+                count = (slot * neighbours + i) & 0xFFFF
+                head = stamp_us.to_bytes(4, "little") + count.to_bytes(2, "little")
+                feeder.send(CSI_CODE, head + body[6:34] + slot.to_bytes(4, "little") + body[38:])
+                senders[i].add_channel(slot, due_ns - 300_000, stamp_us, csi, -50.0, 0)
+                if slot % 3 == 0:
+                    senders[i].add_pose(due_ns, (0.0, 0.0, 0.0), 3)
+                # Each has its own phase: ten datagrams a second, not all at once.
+                if slot % 15 == i % 15:
+                    for data in senders[i].datagrams(time.monotonic_ns()):
+                        out.sendto(data, ("127.255.255.255", port))
+    feeder.close()
+    done.set()
+
+
+class _Tape:
+    counters = SourceCounters()
+
+    def __init__(self, bodies: list[tuple[int, bytes]]) -> None:
+        self._bodies = bodies
+
+    def fileno(self) -> int:
+        return -1
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        return self._bodies
+
+    def close(self) -> None: ...
+
+
+def _take_all(bodies: list[tuple[int, bytes]]) -> None:
+    clock = ManualClock(NS_PER_S)
+    receiver = NeighbourReceiver(1, {i: str(i) for i in range(2, 5)}, {i: [_KEY] for i in range(2, 5)}, clock)
+    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+
+    def on_sample(sample) -> None:  # type: ignore[no-untyped-def]
+        receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
+        window.add_sample(sample)
+
+    Radio(_Tape(bodies), {_mac(i): i for i in range(2, 5)}, clock, on_sample, lambda *_: None).drain()
+
+
+def _record(number: int, neighbour: int) -> CsiRecord:
+    parts = np.random.default_rng(number % 50).integers(-40, 40, (2, 30, 3, 1))
+    return CsiRecord(
+        timestamp_low_us=number * 2000, bfee_count=number & 0xFFFF, n_rx=3, n_tx=1, rssi=(40, 20, 18), noise_dbm=-92,
+        agc=40, antenna_sel=(0b10_01_00, 0b01_10_00)[number % 2], rate=0x101,
+        csi=(parts[0] + 1j * parts[1]).astype(np.complex64), layout=38, host_time_ns=NS_PER_S,
+        mac=_mac(neighbour + 2), frame_count=number,
+    )  # fmt: skip
+
+
+def _mac(neighbour: int) -> bytes:
+    return bytes([0, 0x21, 0x6A, 0, 0, neighbour])
+
+
+def _config(port: int) -> Config:
+    return Config("beacon", 1, "bench", CsiConfig(108), NeighbourConfig("-", port), [])
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.255.255.255", 0))
+        return int(probe.getsockname()[1])
+
+
+def crowds(seconds: float, curve_seconds: float) -> Iterator[Crowd]:
+    """20 neighbours for `seconds`, then more and more of them for `curve_seconds` each until packets are lost."""
+    yield crowd(20, seconds)
+    for neighbours in CURVE:
+        row = crowd(neighbours, curve_seconds)
+        yield row
+        if row.packets_lost > 0.05 * row.packets:
+            return
+
+
+def line(row: Crowd) -> str:
+    return (
+        f"{row.neighbours:>4} neighbours, {row.seconds:g} s: {row.packets_lost} of {row.packets} packets and "
+        f"{row.datagrams_lost} of {row.datagrams} datagrams lost, {100 * row.share_of_a_core:.0f} % of a core"
+    )
+
+
+def plot(rows: list[Crowd], out: Path) -> None:
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    count = [row.neighbours for row in rows]
+    axes.plot(count, [100 * row.share_of_a_core for row in rows], "k-o", label="of a core")
+    axes.plot(count, [100 * row.packets_lost / row.packets for row in rows], "k:s", label="packets lost")
+    axes.set(xlabel="neighbours at 150 packets/s", ylabel="%", title="intake", ylim=(0, None))
+    axes.legend()
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "intake.png", dpi=120)
