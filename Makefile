@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test faults mutants t265 bench check lint types imports help clean
+.PHONY: demo test faults mutants t265 bench golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
@@ -14,6 +14,8 @@ help:
 	@echo "make mutants  mutation test of the set point gate"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
+	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
+	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
 	@echo "make .venv  the environment alone"
 
 .venv: $(VENV)/run.stamp
@@ -64,6 +66,17 @@ t265:
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
+
+golden: $(VENV)/dev.stamp
+	$(BIN)/python -m tests.golden $(ARGS)
+
+SEEDS := 1 2 3 4 5 6 7 8 9 10
+MAX_TIME := 240
+replay-seeds: .venv
+	@for seed in $(SEEDS); do \
+		$(BIN)/companion demo --seed $$seed --max-time $(MAX_TIME) --out build/seeds/$$seed > /dev/null 2>&1; \
+		$(BIN)/companion replay build/seeds/$$seed/log.mcap --check || exit 1; \
+	done
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -15,9 +15,11 @@ from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.intake import crowds, line, plot, throughput
 from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
+from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
 COUNTS = (400, 880, 2000, 5000)
 _ATOM_PACKETS = 2000
+_GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "approach.mcap"
 
 
 @click.command()
@@ -65,11 +67,15 @@ def main(
     _print_estimates(times)
     told = informativeness_times()
     _print_informativeness(told)
+    recording = recorder_cost()
+    factor = replay_factor(_GOLDEN)
+    _print_recording(recording, factor)
     memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
         figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
+        figures |= {"recording": asdict(recording), "replay_factor": factor}
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, times, out)
@@ -91,6 +97,14 @@ def _print_informativeness(times: InformativenessTimes) -> None:
         f"{1e3 * times.worst_case_s:.2f} ms, all of a SAR iteration {1e3 * times.iteration_s:.2f} ms; 64800 directions "
         f"{1e3 * times.sphere_s:.0f} ms, {times.scalar_s / times.sphere_s:.0f} x faster than one by one"
     )
+
+
+def _print_recording(cost: RecorderCost, factor: float) -> None:
+    click.echo(
+        f"recording all streams: {100 * cost.core_share:.1f} % of a core at {cost.messages_per_s:.0f} messages/s and "
+        f"{cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, {cost.dropped} dropped"
+    )
+    click.echo(f"replay of the golden log: {factor:.0f} times real time")
 
 
 def _plot(rows: list[ProfileRow], times: EstimateTimes, out: Path) -> None:

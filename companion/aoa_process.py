@@ -8,6 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable
+from typing import Final
 
 import msgspec
 
@@ -20,22 +21,29 @@ from wsr.aperture import Aperture
 _log = logging.getLogger(__name__)
 _START_S = 60.0  # the first start compiles the kernel, slowly on an Atom; later ones read the cache
 _RESTART_S = 0.5
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+ONE_THREAD: Final = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
 class AoaProcess:
     """Computes one aperture at a time in a niced process. `on_result` gets every result, refusals included.
 
     A request that takes longer than `timeout_s`, or during which the worker dies, is answered with a refusal, and the
-    worker is replaced. At most `waiting` requests queue; the oldest goes first when there are more.
+    worker is replaced. At most `waiting` requests queue; the oldest goes first when there are more. `on_ready` is told
+    when a worker begins and ceases to wait for requests.
     """
 
     def __init__(
-        self, estimator: str, timeout_s: float, on_result: Callable[[AoaResult], None], waiting: int = 16
+        self,
+        estimator: str,
+        timeout_s: float,
+        on_result: Callable[[AoaResult], None],
+        waiting: int = 16,
+        on_ready: Callable[[bool], None] = lambda is_ready: None,
     ) -> None:
         self._estimator = estimator
         self._timeout_s = timeout_s
         self._on_result = on_result
+        self._on_ready = on_ready
         self._requests: asyncio.Queue[tuple[int, int, Aperture]] = asyncio.Queue(waiting)
         self._next_id = 0
         self.restarts = 0
@@ -48,7 +56,9 @@ class AoaProcess:
         if self._requests.full():
             dropped_id, dropped_peer, _ = self._requests.get_nowait()
             self.dropped += 1
-            self._on_result(AoaResult(dropped_id, dropped_peer, 0.0, refusal="the AOA worker is behind"))
+            refusal = AoaResult(dropped_id, dropped_peer, 0.0, refusal="the AOA worker is behind", failed=True)
+            # An answer is an event of its own, never a part of the one that submits.
+            asyncio.get_running_loop().call_soon(self._on_result, refusal)
         request_id, self._next_id = self._next_id, self._next_id + 1
         self._requests.put_nowait((request_id, peer, aperture))
         return request_id
@@ -63,7 +73,7 @@ class AoaProcess:
                 self.restarts += 1
                 _log.warning("AOA worker %d %s; starting another", process.pid, _what_happened(error))
             finally:
-                self.ready.clear()
+                self._set_ready(False)
                 await _end(process)
             await asyncio.sleep(_RESTART_S)
 
@@ -72,7 +82,7 @@ class AoaProcess:
             started = await _receive(process)
         if started.id != READY_ID:
             raise CompanionError("the AOA worker answered before it was asked")
-        self.ready.set()
+        self._set_ready(True)
         while True:
             request_id, peer, aperture = await self._requests.get()
             try:
@@ -80,9 +90,15 @@ class AoaProcess:
                     await _send(process, frame(request_of(request_id, peer, aperture)))
                     result = await _receive(process)
             except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
-                self._on_result(AoaResult(request_id, peer, 0.0, refusal=f"the AOA worker {_what_happened(error)}"))
+                reason = f"the AOA worker {_what_happened(error)}"
+                self._on_result(AoaResult(request_id, peer, 0.0, refusal=reason, failed=True))
                 raise
             self._on_result(result)
+
+    def _set_ready(self, is_ready: bool) -> None:
+        if is_ready != self.ready.is_set():
+            (self.ready.set if is_ready else self.ready.clear)()
+            self._on_ready(is_ready)
 
 
 async def _spawn(estimator: str) -> asyncio.subprocess.Process:
@@ -90,7 +106,7 @@ async def _spawn(estimator: str) -> asyncio.subprocess.Process:
         *tied(sys.executable, "-m", "companion.aoa_worker", estimator),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
-        env=os.environ | _ONE_THREAD,
+        env=os.environ | ONE_THREAD,
     )
 
 

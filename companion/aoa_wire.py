@@ -49,6 +49,8 @@ class AoaResult:
     refusal: str = ""
     informativeness: Informativeness | None = None
     """What the aperture tells, towards the estimate and in the worst case; None for a refusal."""
+    failed: bool = False
+    """The worker was lost or behind: the refusal is no judgement of the aperture."""
 
 
 def request_of(request_id: int, peer: int, aperture: Aperture) -> AoaRequest:

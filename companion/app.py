@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-import importlib.metadata
 import logging
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
@@ -14,19 +14,28 @@ from typing import Any
 from companion.aoa_process import AoaProcess
 from companion.aoa_wire import AoaResult
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.autopilot.observed import ObservedAutopilot
+from companion.autopilot.port import Autopilot
 from companion.beacon import Beacon
-from companion.clock import Clock, MonotonicClock
+from companion.clock import MonotonicClock
 from companion.config import Config
 from companion.control import ControlServer
 from companion.errors import CompanionError
+from companion.event_clock import EventClock
+from companion.events import Answer, WorkerState
 from companion.flight import Flight
+from companion.flight_commands import FlightCommands, MakeCommands
+from companion.inputs import Inputs, LiveInputs
+from companion.log.foxglove import LogLine
 from companion.messages import Pose
 from companion.node import Node
 from companion.notify import notify
 from companion.pose.forward import VioForwarder
 from companion.radio import ChannelSample
-from companion.recorder import Recorder
-from companion.sar import Iteration, SarIterations
+from companion.recorder import McapRecorder, Recorder
+from companion.sar import ApertureRecord, Iteration, SarIterations, Worker
+from companion.streams import ANSWER, LOG, WORKER
+from companion.surroundings import Surroundings
 from companion.window import SarWindow
 from wsr.channel import wavelength_m
 
@@ -40,27 +49,93 @@ class _Stopped(Exception):
 
 async def serve(config: Config) -> None:
     """Runs until SIGTERM or SIGINT. Raises CompanionError when a part cannot start or dies."""
-    recorder = Recorder(
-        config.path(config.recorder.path),
-        config,
-        importlib.metadata.version("wsr-companion"),
-        config.recorder.queue_messages,
-    )
+    clock = EventClock(MonotonicClock())
+    recorder = McapRecorder(config.path(config.recorder.path), config, clock)
     service = _serve_uav if config.role == "uav" else _serve_beacon
+    lines = _record_lines(recorder)
     try:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(_until_signal(), name="signals")
-            tasks.create_task(service(config, MonotonicClock(), recorder), name=config.role)
+            tasks.create_task(service(config, clock, recorder), name=config.role)
     except* _Stopped:
         _log.info("stopped on request")
     except* CompanionError as group:
         raise _first(group) from None
     finally:
         notify("STOPPING=1")
+        logging.getLogger().removeHandler(lines)
         await asyncio.to_thread(recorder.close)
 
 
-async def _serve_beacon(config: Config, clock: Clock, recorder: Recorder) -> None:
+class Uav:
+    """The parts of role uav, wired. What they stand on is given: live, or a log."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: EventClock,
+        recorder: Recorder,
+        inputs: Inputs,
+        make_autopilot: Callable[[Node], Autopilot],
+        make_worker: Callable[[Callable[[AoaResult], None], Callable[[bool], None]], Worker],
+        make_commands: MakeCommands = FlightCommands,
+        look: Callable[[], Surroundings] | None = None,
+    ) -> None:
+        assert config.autopilot is not None
+        aperture = config.aperture
+        self._clock = clock
+        self._recorder = recorder
+        self._refuses_lookalikes = config.neighbours.refuse_lookalikes
+        self._window = SarWindow(
+            config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
+        )
+        self.node = node = Node(config, clock, recorder, self._take_sample, self._take_pose, inputs)
+        self._window.nic_clock = node.radio.nic_clock
+        self.autopilot = ObservedAutopilot(make_autopilot(node), clock, recorder)
+        self._forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
+        self.sar = SarIterations(
+            self._window,
+            make_worker(self.take_answer, self.take_worker_state),
+            node.receiver.neighbours,
+            aperture,
+            clock,
+            self._take_iteration,
+            node.intake.problem_between,
+            self._take_aperture,
+        )
+        self.flight = Flight(config, clock, node, self.autopilot, self.sar, recorder, make_commands, look)
+
+    def take_answer(self, result: AoaResult) -> None:
+        """The worker has answered."""
+        with self._clock.event() as now_ns:
+            failure = result.refusal if result.failed else ""
+            self._recorder.record(ANSWER, now_ns, Answer(now_ns, result.id, result.peer, result.compute_s, failure))
+            self.sar.take(result)
+
+    def take_worker_state(self, is_ready: bool) -> None:
+        """A worker has begun or ceased to wait for apertures."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(WORKER, now_ns, WorkerState(now_ns, is_ready))
+
+    def _take_sample(self, sample: ChannelSample) -> None:
+        self._window.add_sample(sample)
+        self.flight.heard(sample.peer, sample.t_mono_ns)
+
+    def _take_pose(self, pose: Pose) -> None:
+        self._window.add_pose(pose)
+        self._forwarder.take(pose)
+
+    def _take_aperture(self, aperture: ApertureRecord) -> None:
+        self.flight.take_aperture(aperture)
+
+    def _take_iteration(self, iteration: Iteration, profile: bytes) -> None:
+        doubt = self.node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
+        if doubt and self._refuses_lookalikes:
+            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
+        self.flight.take(iteration, profile)
+
+
+async def _serve_beacon(config: Config, clock: EventClock, recorder: Recorder) -> None:
     def on_sample(sample: ChannelSample) -> None:
         beacon.add_sample(sample)
 
@@ -79,38 +154,27 @@ async def _serve_beacon(config: Config, clock: Clock, recorder: Recorder) -> Non
         notify("READY=1")
 
 
-async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
+async def _serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> None:
     assert config.autopilot is not None
-    aperture = config.aperture
-    window = SarWindow(
-        config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
+    process: AoaProcess
+
+    def make_worker(on_result: Callable[[AoaResult], None], on_ready: Callable[[bool], None]) -> Worker:
+        nonlocal process
+        aperture = config.aperture
+        process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result, on_ready=on_ready)
+        return process
+
+    # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
+    url = config.autopilot.url
+    uav = Uav(
+        config,
+        clock,
+        recorder,
+        LiveInputs(config),
+        lambda node: MavsdkAutopilot(url, MonotonicClock(), node.odometry_sink()),
+        make_worker,
     )
-
-    def on_sample(sample: ChannelSample) -> None:
-        window.add_sample(sample)
-        flight.heard(sample.peer, sample.t_mono_ns)
-
-    def on_result(result: AoaResult) -> None:
-        sar.take(result)
-
-    def on_iteration(iteration: Iteration, profile: bytes) -> None:
-        doubt = node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
-        if doubt and config.neighbours.refuse_lookalikes:
-            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
-        flight.take(iteration, profile)
-
-    def on_pose(pose: Pose) -> None:
-        window.add_pose(pose)
-        forwarder.take(pose)
-
-    node = Node(config, clock, recorder, on_sample, on_pose)
-    window.nic_clock = node.radio.nic_clock
-    process = AoaProcess(aperture.estimator, aperture.worker_timeout_s, on_result)
-    trouble = node.intake.problem_between
-    sar = SarIterations(window, process, node.receiver.neighbours, aperture, clock, on_iteration, trouble)
-    autopilot = MavsdkAutopilot(config.autopilot.url, clock, node.odometry_sink())
-    forwarder = VioForwarder(autopilot, node.intake, config.autopilot.forward_vio_hz)
-    flight = Flight(config, clock, node, autopilot, sar, recorder)
+    node, flight, autopilot = uav.node, uav.flight, uav.autopilot
 
     async def answer(command: str) -> dict[str, Any]:
         if command == "status":
@@ -136,6 +200,24 @@ async def _serve_uav(config: Config, clock: Clock, recorder: Recorder) -> None:
             notify("READY=1")
     finally:
         await autopilot.aclose()
+
+
+class _RecordingHandler(logging.Handler):
+    """The program's own log into the flight's."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        super().__init__(logging.INFO)
+        self._recorder = recorder
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = LogLine(record.levelno, record.name, record.getMessage())
+        self._recorder.record(LOG, time.monotonic_ns(), line)
+
+
+def _record_lines(recorder: Recorder) -> logging.Handler:
+    handler = _RecordingHandler(recorder)
+    logging.getLogger().addHandler(handler)
+    return handler
 
 
 async def _until_signal() -> None:

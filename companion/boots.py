@@ -13,7 +13,7 @@ import secrets
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import msgspec
 
@@ -37,6 +37,20 @@ class Reached:
 class _State:
     own: int = 0
     senders: dict[int, Reached] = field(default_factory=dict)
+
+
+class Book(Protocol):
+    """Who has been heard up to where."""
+
+    own_boot_id: int
+    failed: bool
+
+    def reached(self, sender: int) -> Reached | None: ...
+
+    def note(self, sender: int, boot_id: int, counter: int) -> None:
+        """A datagram is accepted."""
+
+    def close(self) -> None: ...
 
 
 class BootBook:

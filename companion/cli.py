@@ -23,6 +23,9 @@ _COMMANDS: Final = {
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
     "study": "what the paper derives or simulates, beside its own numbers",
+    "log": "flight logs: info, repair, export, merge, import",
+    "replay": "a recorded flight decided again by the same code",
+    "report": "a flight log as one page",
 }
 _MODULES: Final = {"engage": "control", "abort": "control", "status": "control", "check-axes": "check_axes"}
 

@@ -209,8 +209,19 @@ class GateConfig:
 
 @dataclass(frozen=True, slots=True)
 class RecorderConfig:
+    """The flight's log; see docs/log.md."""
+
     path: str = "log.mcap"
     queue_messages: Annotated[int, Meta(ge=100)] = 20000
+    """Messages that wait for the disk; more are dropped and counted."""
+    compression: Literal["zstd", "lz4"] = "zstd"
+    chunk_kb: Annotated[int, Meta(ge=64, le=256)] = 128
+    rotate_mb: Positive = 256.0
+    """A file of this size is finished and the next begun."""
+    rotate_s: Positive = 1800.0
+    """So is one of this age."""
+    budget_mb: Positive = 4096.0
+    """All files of the recording together; the oldest finished ones go first."""
     min_free_mib: NotNegative = 500.0
     """Nothing engages with less space left on the log's disk."""
 
@@ -289,6 +300,8 @@ class Config:
                 f"autopilot.url: {self.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
                 "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"
             )
+        if self.recorder.rotate_mb >= self.recorder.budget_mb:
+            found.append("recorder.rotate_mb: one file alone would exceed recorder.budget_mb")
         if self.autopilot is not None and not self.autopilot.gps and self.autopilot.forward_vio_hz < _MIN_VIO_HZ:
             found.append(
                 f"autopilot.forward_vio_hz: {self.autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "

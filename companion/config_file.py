@@ -29,7 +29,7 @@ def load_config(path: Path) -> Config:
         raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{path}: expected a mapping of keys at the top, got {_kind(document)}")
-    return _checked(document, str(path))
+    return config_of(document, str(path))
 
 
 def save_config(config: Config, path: Path) -> None:
@@ -37,7 +37,8 @@ def save_config(config: Config, path: Path) -> None:
     path.write_text(yaml.safe_dump(msgspec.to_builtins(config), sort_keys=False))
 
 
-def _checked(document: dict[str, Any], where: str) -> Config:
+def config_of(document: dict[str, Any], where: str) -> Config:
+    """The configuration that a mapping of keys means. Raises ConfigError that begins with `where`."""
     errors: list[str] = []
     config = _build(Config, document, "", errors)
     if config is not None and not errors:

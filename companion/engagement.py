@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import math
 import shutil
+from collections.abc import Callable
 
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.clock import NS_PER_S, Clock
 from companion.config import Config
+from companion.event_clock import EventClock
 from companion.messages import FlightMode
 from companion.node import Node
 from companion.preflight import (
@@ -20,6 +22,8 @@ from companion.preflight import (
 )
 from companion.recorder import Recorder
 from companion.sar import SarIterations
+from companion.streams import SURROUNDINGS
+from companion.surroundings import Surroundings
 
 _CHECKED_FOR_S = 30.0
 """How long a look at the autopilot's parameters stands for them."""
@@ -30,12 +34,21 @@ class Engagement:
     """Looks at every part of the service and at the autopilot; commands nothing."""
 
     def __init__(
-        self, config: Config, clock: Clock, node: Node, autopilot: Autopilot, sar: SarIterations, recorder: Recorder
+        self,
+        config: Config,
+        clock: Clock,
+        node: Node,
+        autopilot: Autopilot,
+        sar: SarIterations,
+        recorder: Recorder,
+        look: Callable[[], Surroundings] | None = None,
     ) -> None:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
-        self._clock = clock
+        self._clock = EventClock.over(clock)
+        self._look = look or self._look_around
+        self._seen: tuple[int, Surroundings] | None = None
         self._node = node
         self._autopilot = autopilot
         self._sar = sar
@@ -48,7 +61,7 @@ class Engagement:
     @property
     def parameters_checked(self) -> bool:
         """Whether the autopilot's parameters were found as required a moment ago."""
-        return self._age_s(self._checked_ns) < _CHECKED_FOR_S
+        return self._surroundings().parameters_checked
 
     def not_ready(self, packet_age_s: float, datagram_age_s: float) -> list[str]:
         """What is missing now, but for the parameters. The ages are those of the target's newest sign of life."""
@@ -72,12 +85,11 @@ class Engagement:
             return str(error)
 
     def _readiness(self, packet_age_s: float, datagram_age_s: float) -> Readiness:
-        vehicle, node = self._autopilot.state(), self._node
+        vehicle, node, around = self._autopilot.state(), self._node, self._surroundings()
         target = node.receiver.neighbours[self._config.target]
-        log = self._config.path(self._config.recorder.path)
         return Readiness(
             observes=self._config.mission.control == "observe",
-            autopilot_problem=self._autopilot.problem,
+            autopilot_problem=around.autopilot_problem,
             heartbeat_age_s=self._age_s(vehicle.heartbeat_mono_ns),
             has_position=vehicle.p_local_enu_m is not None and self._age_s(vehicle.position_mono_ns) < _POSITION_S,
             estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
@@ -90,11 +102,31 @@ class Engagement:
             north_problem=node.intake.north_problem(),
             datagram_age_s=datagram_age_s,
             packet_age_s=packet_age_s,
-            bad_signatures=target.refused.bad_key,
+            bad_signatures=around.bad_signatures,
             clock_problem=target.not_locked(self._clock.now_ns()),
             aoa_ready=self._sar.is_ready,
-            recorder_failed=self._recorder.failed,
-            free_mib=shutil.disk_usage(log.parent).free / (1 << 20),
+            recorder_failed=around.recorder_failed,
+            free_mib=around.free_mib,
+        )
+
+    def _surroundings(self) -> Surroundings:
+        """The same for all of one event, and recorded with it."""
+        if not self._clock.is_held:
+            return self._look()
+        if self._seen is None or self._seen[0] != self._clock.number:
+            self._seen = self._clock.number, self._look()
+            self._recorder.record(SURROUNDINGS, self._clock.now_ns(), self._seen[1])
+        return self._seen[1]
+
+    def _look_around(self) -> Surroundings:
+        log = self._config.path(self._config.recorder.path)
+        return Surroundings(
+            self._clock.now_ns(),
+            self._autopilot.problem,
+            self._age_s(self._checked_ns) < _CHECKED_FOR_S,
+            self._node.receiver.neighbours[self._config.target].refused.bad_key,
+            self._recorder.failed,
+            shutil.disk_usage(log.parent).free / (1 << 20),
         )
 
     def _age_s(self, t_ns: int | None) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -14,8 +15,10 @@ from companion.clock import NS_PER_S, Clock, Ticker
 from companion.conditions import ConditionLimits, Situation, conditions
 from companion.config import Config
 from companion.engagement import Engagement
-from companion.flight_commands import FlightCommands
-from companion.flight_log import GateReport, MissionStep, ObservedSetpoint
+from companion.event_clock import EventClock
+from companion.events import CommandOutcome, Tick, Wish
+from companion.flight_commands import FlightCommands, MakeCommands
+from companion.flight_log import GateReport, MissionStep, ObservedSetpoint, target_report
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, VehicleState
 from companion.mission import Action, Event, State
@@ -24,8 +27,23 @@ from companion.node import Node
 from companion.observe import Observer, SilentAutopilot, would_be_setpoint
 from companion.rc_switch import RcSwitch
 from companion.recorder import Recorder
-from companion.sar import Iteration, SarIterations
-from companion.streams import AUTOPILOT_EVENT, BEARING, GATE, MISSION, OBSERVED, PROFILE, SETPOINT, VEHICLE
+from companion.sar import ApertureRecord, Iteration, SarIterations
+from companion.streams import (
+    APERTURE,
+    AUTOPILOT_EVENT,
+    BEARING,
+    COMMAND,
+    END,
+    GATE,
+    MISSION,
+    OBSERVED,
+    PROFILE,
+    SETPOINT,
+    TARGET,
+    TICK,
+    WISH,
+)
+from companion.surroundings import Surroundings
 from companion.targets import Targets
 
 _log = logging.getLogger(__name__)
@@ -41,11 +59,20 @@ class Flight:
     """Owns the mission state and the one set point stream."""
 
     def __init__(
-        self, config: Config, clock: Clock, node: Node, autopilot: Autopilot, sar: SarIterations, recorder: Recorder
+        self,
+        config: Config,
+        clock: Clock,
+        node: Node,
+        autopilot: Autopilot,
+        sar: SarIterations,
+        recorder: Recorder,
+        make_commands: MakeCommands = FlightCommands,
+        look: Callable[[], Surroundings] | None = None,
     ) -> None:
+        """A replay runs no commands and gives a `look` of its own at what was around."""
         assert config.autopilot is not None
         self._config = config
-        self._clock = clock
+        self._clock = clock = EventClock.over(clock)
         self._node = node
         self._observes = config.mission.control == "observe"
         self._autopilot: Autopilot = SilentAutopilot(autopilot) if self._observes else autopilot
@@ -66,8 +93,8 @@ class Flight:
             frozenset({_LEAVE_MODES[config.mission.leave]}),
         )
         self._ticker = Ticker(clock, _RATE_HZ)
-        self._engagement = Engagement(config, clock, node, self._autopilot, sar, recorder)
-        self._commands = FlightCommands(self._autopilot, clock, self._report)
+        self._engagement = Engagement(config, clock, node, self._autopilot, sar, recorder, look)
+        self._commands = make_commands(self._autopilot, clock, self._report)
         channel = config.autopilot.engage_rc_channel
         self._switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
         self.state = State.IDLE
@@ -91,7 +118,7 @@ class Flight:
         async with self._commands:
             try:
                 async for now_ns in self._ticker.ticks():
-                    self._tick(now_ns)
+                    self.tick(now_ns)
             finally:
                 await self._leave_at_end()
 
@@ -102,16 +129,27 @@ class Flight:
     async def engage(self) -> str:
         """A person's wish to hand over the vehicle. Returns the whole list of what stands against it, or nothing; then
         it takes effect at the next tick."""
-        if self.state not in (State.IDLE, State.LATCHED):
-            return f"the mission is {self.state} already"
-        problems = self.not_ready() + await self._engagement.parameter_problems()
-        if not problems:
-            self._pending.append(Event.ENGAGE)
-        return "; ".join(problems)
+        return self.take_wish(Event.ENGAGE, await self._engage_refusal())
 
     def abort(self) -> None:
         """A person's wish to end the flight; it takes effect at the next tick."""
-        self._pending.append(Event.ABORT)
+        self.take_wish(Event.ABORT, "")
+
+    def take_wish(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
+        """A wish has been answered; a granted one takes effect at the next tick."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(WISH, now_ns, Wish(now_ns, wish, refusal, by_switch))
+            if not refusal:
+                self._pending.append(wish)
+            elif by_switch:
+                self._reason = f"the switch did not engage: {refusal}"
+                _log.warning(self._reason)
+        return refusal
+
+    async def _engage_refusal(self) -> str:
+        if self.state not in (State.IDLE, State.LATCHED):
+            return f"the mission is {self.state} already"
+        return "; ".join(self.not_ready() + await self._engagement.parameter_problems())
 
     def not_ready(self) -> list[str]:
         """What is missing for an engagement, in words, but for the autopilot's parameters, which must be asked for."""
@@ -163,6 +201,10 @@ class Flight:
             self._packet_ns = t_mono_ns
             self._packets += 1
 
+    def take_aperture(self, aperture: ApertureRecord) -> None:
+        """An aperture goes to the worker."""
+        self._recorder.record(APERTURE, aperture.end_ns, aperture)
+
     def take(self, iteration: Iteration, profile: bytes) -> None:
         """A SAR iteration has ended."""
         self._recorder.record(BEARING, iteration.reference_ns, iteration)
@@ -173,7 +215,8 @@ class Flight:
         steers = steers and estimate.reliability >= self._config.aperture.min_reliability  # type: ignore[union-attr]
         if steers:
             assert bearing is not None
-            self._targets.add(iteration.peer, bearing)
+            report = target_report(iteration, bearing, self._targets.add(iteration.peer, bearing))
+            self._recorder.record(TARGET, bearing.t_mono_ns, report)
         if iteration.peer == self._config.target:
             self._note_iteration(iteration, steers)
 
@@ -188,10 +231,26 @@ class Flight:
             self._blind_legs = self._tries = 0
             self._pending.append(Event.BEARING)
 
-    def _tick(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
+        """One turn of the control loop."""
+        with self._clock.event(now_ns):
+            self._recorder.record(TICK, now_ns, Tick(now_ns))
+            self._turn(now_ns)
+
+    def end(self) -> bool:
+        """The loop ends, because the service is stopped or because any of its parts has failed. Whether we flew."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(END, now_ns, Tick(now_ns))
+            flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
+            before, self._streaming = self.state, False
+            self.state, actions = mission.step(before, Event.TASK_FAILED)
+            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, "the service ends")
+            self._recorder.record(MISSION, now_ns, step)
+            return flying
+
+    def _turn(self, now_ns: int) -> None:
         self._tick_ns = now_ns
         vehicle = self._autopilot.state()
-        self._recorder.record(VEHICLE, now_ns, vehicle)
         for event in self._autopilot.take_events():
             self._recorder.record(AUTOPILOT_EVENT, event.t_mono_ns, event)
         if vehicle.p_local_enu_m is not None and vehicle.position_mono_ns is not None:
@@ -214,12 +273,10 @@ class Flight:
         if wish is Event.ENGAGE:
             self._commands.beside(self._engage_by_switch(), "engage by switch")
         elif wish is not None:
-            self.abort()
+            self._pending.append(wish)
 
     async def _engage_by_switch(self) -> None:
-        if refusal := await self.engage():
-            self._reason = f"the switch did not engage: {refusal}"
-            _log.warning(self._reason)
+        self.take_wish(Event.ENGAGE, await self._engage_refusal(), by_switch=True)
 
     def _worst_event(self, vehicle: VehicleState, now_ns: int) -> Event | None:
         """The worst that holds now or was reported. A report that has no meaning in this state is dropped; one that
@@ -357,19 +414,14 @@ class Flight:
 
     def _report(self, event: Event | None, reason: str) -> None:
         """What a command ended in, and why it failed."""
-        self._reason = reason or self._reason
-        if event is not None:
-            self._pending.append(event)
+        with self._clock.event() as now_ns:
+            self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, reason))
+            self._reason = reason or self._reason
+            if event is not None:
+                self._pending.append(event)
 
     async def _leave_at_end(self) -> None:
-        """The loop ends, because the service is stopped or because any of its parts has failed."""
-        flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
-        before, now_ns = self.state, self._clock.now_ns()
-        self._streaming = False
-        self.state, actions = mission.step(before, Event.TASK_FAILED)
-        step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, "the service ends")
-        self._recorder.record(MISSION, now_ns, step)
-        if flying:
+        if self.end():
             await self._commands.leave_at_end()
 
     def _bearing_stale(self) -> bool:

@@ -19,10 +19,13 @@ _POSITION_S = 0.5
 Command = Coroutine[Any, Any, None]
 
 
+Report = Callable[[Event | None, str], None]
+
+
 class FlightCommands:
     """`report` gets the event that a command ended in, and the reason when it failed."""
 
-    def __init__(self, autopilot: Autopilot, clock: Clock, report: Callable[[Event | None, str], None]) -> None:
+    def __init__(self, autopilot: Autopilot, clock: Clock, report: Report) -> None:
         self._autopilot = autopilot
         self._clock = clock
         self._report = report
@@ -97,3 +100,6 @@ class FlightCommands:
             self._report(failed, str(error))
             return
         self._report(done, "")
+
+
+MakeCommands = Callable[[Autopilot, Clock, Report], FlightCommands]

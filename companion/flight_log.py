@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from companion.messages import Setpoint
 from companion.mission import Action, Event, State
+from companion.sar import Iteration
+from companion.tracker import Bearing, Target, TargetReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +37,12 @@ class ObservedSetpoint:
     t_mono_ns: int
     setpoint: Setpoint
     reasons: tuple[str, ...]
+
+
+def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
+    """What a bearing made of the target; its place where the bearings cross."""
+    place = None
+    if target.origin_local_enu_m is not None:
+        x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
+        place = (x, y, z)
+    return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)

@@ -9,8 +9,10 @@ them are ever used, so the two origins need not agree.
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -28,6 +30,21 @@ class Pose:
     q_enu_from_body: Quaternion
     v_enu_m_s: Vector3
     confidence: int
+
+
+_POSE: Final = struct.Struct("<q3d4d3dB")
+
+
+def pose_bytes(pose: Pose) -> bytes:
+    """For the log: 89 bytes, little-endian: i64 time [ns], 3 x f64 position, 4 x f64 quaternion w x y z, 3 x f64
+    velocity, u8 confidence. Exact, and cheap at 200 Hz."""
+    return _POSE.pack(pose.t_mono_ns, *pose.p_enu_m, *pose.q_enu_from_body, *pose.v_enu_m_s, pose.confidence)
+
+
+def pose_of(data: bytes) -> Pose:
+    """The inverse of `pose_bytes`, whatever stands behind. Raises struct.error for too few bytes."""
+    t_ns, x, y, z, qw, qx, qy, qz, vx, vy, vz, confidence = _POSE.unpack_from(data)
+    return Pose(t_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence)
 
 
 class FlightMode(StrEnum):

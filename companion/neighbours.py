@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion import wire
-from companion.boots import BootBook
+from companion.boots import Book
 from companion.clock import NS_PER_S, Clock
 from companion.clock_relation import ClockRelation, Offset
 from companion.pairing import Pairing
@@ -228,7 +228,7 @@ class NeighbourReceiver:
         names: Mapping[int, str],
         keys: Mapping[int, Sequence[bytes]],
         clock: Clock,
-        book: BootBook | None = None,
+        book: Book | None = None,
         we_ping: bool = True,
     ) -> None:
         self._own_id = own_id
@@ -240,6 +240,8 @@ class NeighbourReceiver:
             for peer, name in names.items()
         }
         self.counters = LinkCounters()
+        self.authentic = 0
+        """Datagrams with a good signature, taken or not."""
 
     def take(self, data: bytes) -> bool:
         """Files one datagram; False when it was refused (and counted)."""
@@ -273,6 +275,7 @@ class NeighbourReceiver:
         return self._file(neighbour, datagram)
 
     def _file(self, neighbour: Neighbour, datagram: wire.Datagram) -> bool:
+        self.authentic += 1
         now_ns, session = self._clock.now_ns(), neighbour.session
         known, rivals = session.boot_id, session.rivals
         verdict = session.judge(datagram.boot_id, datagram.counter, now_ns)

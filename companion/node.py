@@ -9,30 +9,26 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from companion import wire
-from companion.boots import BootBook
 from companion.broadcast import Link, NeighbourSender
 from companion.clock import NS_PER_S, Clock
-from companion.config import Config, CsiConfig
-from companion.errors import CompanionError
-from companion.keys import read_key
+from companion.config import Config
+from companion.event_clock import EventClock
+from companion.events import BookState, Tick
+from companion.inputs import Inputs, LiveInputs
 from companion.lookalikes import Lookalikes
-from companion.messages import Pose
+from companion.messages import Pose, pose_bytes
 from companion.neighbours import NeighbourReceiver
-from companion.pinger import Pinger, open_pinger
+from companion.pinger import Pinger
 from companion.pose.autopilot import AutopilotPoses
 from companion.pose.intake import PoseIntake
-from companion.pose.opening import open_poses
 from companion.pose.reader_process import ReaderProcess
 from companion.radio import ChannelSample, Radio
 from companion.recorder import Recorder
-from companion.streams import CSI, HEALTH, NEIGHBOUR, POSE
+from companion.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
 from companion.traffic import Traffic
-from csi_bridge.netlink import NetlinkError, NetlinkSource
-from csi_bridge.source import CsiSource
-from csi_bridge.unix_socket import UnixSocketError, UnixSource
 from wsr.displacement import antenna_positions
 
-_POSES_RECORDED_HZ = 50.0
+_POSES_SHOWN_HZ = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +53,11 @@ class Health:
 
 
 class Node:
-    """Opens the inputs of `config` and fans them out. `on_sample` and `on_pose` are called on the event loop."""
+    """Opens the inputs of `config` and fans them out. `on_sample` and `on_pose` are called on the event loop.
+
+    Each of `take_csi`, `take_pose`, `take_datagram` and `each_second` handles one event: a replay calls them as the
+    loop does, on `inputs` of a log.
+    """
 
     def __init__(
         self,
@@ -66,16 +66,19 @@ class Node:
         recorder: Recorder,
         on_sample: Callable[[ChannelSample], None],
         on_pose: Callable[[Pose], None],
+        inputs: Inputs | None = None,
     ) -> None:
+        inputs = inputs or LiveInputs(config)
         self.config = config
-        self.clock = clock
+        self.clock = clock = EventClock.over(clock)
         self.recorder = recorder
         self._on_pose = on_pose
         names = {peer.id: peer.name for peer in config.peers}
-        own_key = read_key(config.path(config.neighbours.key_file))
+        own_key = inputs.key(config.neighbours.key_file)
         is_uav = config.role == "uav"
-        self.book = BootBook(config.path(config.state_dir))
-        self.receiver = NeighbourReceiver(config.id, names, _keys(config), clock, self.book, we_ping=is_uav)
+        self.book = inputs.open_book()
+        self._record_book()
+        self.receiver = NeighbourReceiver(config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav)
         role = wire.Role.UAV if is_uav else wire.Role.BEACON
         self.sender = NeighbourSender(
             role,
@@ -87,15 +90,15 @@ class Node:
         )
         self.lookalikes = Lookalikes(names)
         self._on_sample = on_sample
-        self._source = open_csi(config.csi, config)
+        self._source = inputs.open_csi()
         self.radio = Radio(self._source, macs(config), clock, self._take_sample, self._record_csi)
-        self._pinger: Pinger | None = open_pinger(config, clock)
+        self._pinger: Pinger | None = inputs.open_pinger(clock)
         self._link: Link | None = None
         self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
         self.intake = PoseIntake(config.pose, clock, self._take_pose)
-        self._poses = open_poses(config, clock, self.intake)
+        self._poses = inputs.open_poses(clock, self.intake, self.take_pose)
         self._reader = ReaderProcess(config.pose.reader_command, clock, self.intake.silence_s)
-        self._pose_recorded_ns = 0
+        self._pose_shown_ns = 0
 
     async def run(self) -> None:
         """Reads until cancelled, then closes what it opened."""
@@ -103,7 +106,7 @@ class Node:
         self._link = link = Link(self.config)
         readers: list[tuple[int, Callable[[], None]]] = [
             (link.fileno(), self._drain_link),
-            (self._source.fileno(), self.radio.drain),
+            (self._source.fileno(), self.take_csi),
         ]
         if self._pinger is not None:
             readers += [(self._pinger.fileno(), self._pinger.drain)]
@@ -132,6 +135,34 @@ class Node:
         """What takes the autopilot's own odometry, where that is the source of poses."""
         return self._poses.offer if isinstance(self._poses, AutopilotPoses) else None
 
+    def take_csi(self) -> None:
+        """The card has records."""
+        with self.clock.event():
+            self.radio.drain()
+
+    def take_pose(self, pose: Pose) -> None:
+        """The source gives a pose."""
+        with self.clock.event():
+            resets = self._poses.resets.to_bytes(4, "little")
+            self.recorder.record(POSE_IN, pose.t_mono_ns, pose_bytes(pose) + resets)
+            self.intake.take(pose)
+
+    def take_datagram(self, data: bytes) -> None:
+        """A datagram of some robot. What carries a good signature is recorded, taken or not; the rest is only counted:
+        anybody can send it, at any rate."""
+        with self.clock.event() as now_ns:
+            before = self.receiver.authentic
+            self.receiver.take(data)
+            if self.receiver.authentic != before:
+                self.recorder.record(NEIGHBOUR, now_ns, data)
+
+    def each_second(self) -> None:
+        """What is done once a second."""
+        with self.clock.event() as now_ns:
+            self.recorder.record(SECOND, now_ns, Tick(now_ns))
+            for neighbour in self.receiver.neighbours.values():
+                neighbour.relate_uncounted(now_ns)
+
     def pose_age_s(self) -> float:
         """Since the newest usable pose; infinite before the first."""
         return self.intake.age_s()
@@ -153,7 +184,7 @@ class Node:
             self.intake.report(),
             link,
             {n.name: n.health(now_ns) for n in self.receiver.neighbours.values()},
-            {"written": self.recorder.written, "dropped": self.recorder.dropped},
+            self.recorder.counters(),
             self.radio.antenna_power(),
             {} if self._pinger is None else self._pinger.health(),
             self._traffic.bytes_per_s(now_ns),
@@ -171,14 +202,13 @@ class Node:
     async def _report_health(self) -> None:
         while True:
             await self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S)
-            for neighbour in self.receiver.neighbours.values():
-                neighbour.relate_uncounted(self.clock.now_ns())
+            self.each_second()
             health = self.health()
             self.recorder.record(HEALTH, health.t_mono_ns, health)
 
     def _take_pose(self, pose: Pose) -> None:
-        if pose.t_mono_ns - self._pose_recorded_ns >= NS_PER_S / _POSES_RECORDED_HZ:
-            self._pose_recorded_ns = pose.t_mono_ns
+        if pose.t_mono_ns - self._pose_shown_ns >= NS_PER_S / _POSES_SHOWN_HZ:
+            self._pose_shown_ns = pose.t_mono_ns
             self.recorder.record(POSE, pose.t_mono_ns, pose)
         if self.sender.wants_pose(pose.t_mono_ns):
             antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
@@ -192,17 +222,22 @@ class Node:
     def _drain_link(self) -> None:
         assert self._link is not None
         for data in self._link.drain():
-            if self.receiver.take(data):
-                self.recorder.record(NEIGHBOUR, self.clock.now_ns(), data)
+            self.take_datagram(data)
+
+    def _record_book(self) -> None:
+        reached = {str(peer.id): self.book.reached(peer.id) for peer in self.config.peers}
+        with self.clock.event() as now_ns:
+            known = {peer: value for peer, value in reached.items() if value is not None}
+            self.recorder.record(BOOK, now_ns, BookState(now_ns, known))
 
     def _record_csi(self, t_mono_ns: int, code: int, body: bytes) -> None:
         self.recorder.record(CSI, t_mono_ns, bytes([code]) + body)
 
 
-def _keys(config: Config) -> dict[int, list[bytes]]:
+def _keys(config: Config, inputs: Inputs) -> dict[int, list[bytes]]:
     """Every key that is valid, by peer."""
     return {
-        peer.id: [read_key(config.path(name)) for name in (peer.key_file, peer.next_key_file) if name is not None]
+        peer.id: [inputs.key(name) for name in (peer.key_file, peer.next_key_file) if name is not None]
         for peer in config.peers
     }
 
@@ -210,13 +245,3 @@ def _keys(config: Config) -> dict[int, list[bytes]]:
 def macs(config: Config) -> dict[bytes, int]:
     """Id of each peer by the six bytes of its MAC."""
     return {bytes.fromhex(peer.mac.replace(":", "")): peer.id for peer in config.peers}
-
-
-def open_csi(csi: CsiConfig, config: Config) -> CsiSource:
-    """The configured source. Raises CompanionError."""
-    try:
-        if csi.source == "unix":
-            return UnixSource(config.path(csi.socket), csi.receive_buffer_bytes)
-        return NetlinkSource(csi.connector_idx, csi.require_kernel_sender, csi.receive_buffer_bytes)
-    except (NetlinkError, UnixSocketError) as error:
-        raise CompanionError(f"csi.source {csi.source}: {error}") from None

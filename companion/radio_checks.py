@@ -12,8 +12,9 @@ from typing import Final
 from companion.clock import MonotonicClock
 from companion.config import Config
 from companion.errors import CompanionError
+from companion.inputs import LiveInputs
 from companion.nl80211 import channel_mhz
-from companion.node import macs, open_csi
+from companion.node import macs
 from companion.radio import ChannelSample, Radio
 from csi_bridge.netlink import connector_available
 
@@ -61,7 +62,7 @@ def static_checks(config: Config, system: System) -> Iterator[Check]:
 
 async def live_checks(config: Config, seconds: float, on_progress: Callable[[float], None]) -> list[Check]:
     """Listens to the card for a while. Raises CompanionError when the source cannot be opened."""
-    source, heard = open_csi(config.csi, config), dict.fromkeys((peer.id for peer in config.peers), 0)
+    source, heard = LiveInputs(config).open_csi(), dict.fromkeys((peer.id for peer in config.peers), 0)
 
     def count(sample: ChannelSample) -> None:
         heard[sample.peer] += 1

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
-from companion.aoa_process import AoaProcess
 from companion.aoa_wire import AoaResult
 from companion.clock import NS_PER_S, Clock
 from companion.config import ApertureConfig
@@ -18,6 +20,7 @@ from companion.neighbours import Neighbour
 from companion.tracker import Bearing
 from companion.window import ApertureReport, SarWindow
 from wsr.aoa import AoaEstimate
+from wsr.aperture import Aperture
 from wsr.crb.informativeness import Informativeness
 
 _LOCAL_CAPACITY = 20 * 120
@@ -67,25 +70,58 @@ class Iteration:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class ApertureRecord:
+    """The aperture of one SAR iteration for the log: M packets as bytes, little-endian: `t_s` f64 (M,) from
+    `start_ns`, `chi_m` f64 (M, 3), `channel` c128 (M,); as in `wsr.aperture.Aperture`."""
+
+    number: int
+    peer: int
+    start_ns: int
+    end_ns: int
+    t_s: bytes
+    chi_m: bytes
+    channel: bytes
+    wavelength_m: float
+    reference_p_m: Vector3
+
+    def positions_m(self) -> npt.NDArray[np.float64]:
+        """Path (M, 3) of our antenna relative to the peer's motion."""
+        return np.asarray(np.frombuffer(self.chi_m).reshape(-1, 3) + np.array(self.reference_p_m))
+
+
+class Worker(Protocol):
+    """Computes apertures; its answers come back through `SarIterations.take`, in any order."""
+
+    ready: asyncio.Event
+    """Set while it waits for apertures."""
+
+    def submit(self, peer: int, aperture: Aperture) -> int:
+        """Takes an aperture and returns the id its answer will carry."""
+
+
 class SarIterations:
-    """Numbers the iterations. `on_iteration` gets each with its profile (float16 bytes, empty for a refusal)."""
+    """Numbers the iterations. `on_aperture` gets what goes to the worker, `on_iteration` what came of it, with its
+    profile (float16 bytes, empty for a refusal)."""
 
     def __init__(
         self,
         window: SarWindow,
-        process: AoaProcess,
+        worker: Worker,
         neighbours: Mapping[int, Neighbour],
         config: ApertureConfig,
         clock: Clock,
         on_iteration: Callable[[Iteration, bytes], None],
         pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
+        on_aperture: Callable[[ApertureRecord], None] = lambda aperture: None,
     ) -> None:
         """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
         self._window = window
-        self._process = process
+        self._worker = worker
         self._neighbours = neighbours
         self._config = config
         self._clock = clock
+        self._on_aperture = on_aperture
         self._on_iteration = on_iteration
         self._local = History(_LOCAL_CAPACITY, 3)
         self._pose_problem = pose_problem
@@ -116,7 +152,8 @@ class SarIterations:
             if report.aperture is None:
                 self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
             else:
-                self._pending[self._process.submit(report.peer, report.aperture)] = number, report
+                self._on_aperture(_record_of(number, report, report.aperture))
+                self._pending[self._worker.submit(report.peer, report.aperture)] = number, report
 
     def path_length_m(self) -> float:
         """Path of the antenna since `begin`, by the pose source."""
@@ -125,7 +162,7 @@ class SarIterations:
     @property
     def is_ready(self) -> bool:
         """Whether the worker waits for apertures."""
-        return self._process.ready.is_set()
+        return self._worker.ready.is_set()
 
     def waiting_s(self) -> float:
         """How long results have been waited for; 0 when none are."""
@@ -171,3 +208,17 @@ class SarIterations:
             return None
         x, y, z = (float(np.interp(t_ns, times, rows[:, axis])) for axis in range(3))
         return x, y, z
+
+
+def _record_of(number: int, report: ApertureReport, aperture: Aperture) -> ApertureRecord:
+    return ApertureRecord(
+        number,
+        report.peer,
+        report.start_ns,
+        report.end_ns,
+        aperture.t_s.tobytes(),
+        aperture.chi_m.tobytes(),
+        aperture.channel.tobytes(),
+        aperture.wavelength_m,
+        aperture.reference_p_m,
+    )

@@ -3,7 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
+
+
+class Part(StrEnum):
+    """What a stream is to a replay."""
+
+    INPUT = "input"
+    """Given to the service: the whole of these, in their order, decides everything else."""
+    DECISION = "decision"
+    """Made by the service from its inputs: a replay makes it again and compares."""
+    VIEW = "view"
+    """Drawn from other streams for viewers, in schemas that they know."""
+    REPORT = "report"
+    """What the service says of itself; depends on the machine."""
+    TRUTH = "truth"
+    """What really was, where a simulator or motion capture knows it. The service never sees it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,33 +30,53 @@ class Stream:
     rate_hz: float
     stale_s: float
     encoding: str
-    """Message encoding in the log: "json" (with a JSON schema) or "raw" (bytes as received)."""
+    """Message encoding in the log: "json" (with a JSON schema), "protobuf" (Foxglove's), "msgpack" or "raw" (bytes as
+    received)."""
+    part: Part
 
 
-CSI: Final = Stream("/csi", 150, 2.0, "raw")
-POSE: Final = Stream("/pose", 200, 0.2, "json")
-NEIGHBOUR: Final = Stream("/neighbour", 10, 2.0, "raw")
-VEHICLE: Final = Stream("/vehicle", 20, 1.5, "json")
-SETPOINT: Final = Stream("/setpoint", 20, 0.2, "json")
-GATE: Final = Stream("/gate", 0, 0.0, "json")
-MISSION: Final = Stream("/mission", 0, 0.0, "json")
-BEARING: Final = Stream("/bearing", 0.3, 20.0, "json")
-PROFILE: Final = Stream("/aoa_profile", 0.3, 20.0, "raw")
-AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json")
-OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json")
-HEALTH: Final = Stream("/health", 1, 3.0, "json")
+_IN, _DECIDED, _VIEW, _REPORT = Part.INPUT, Part.DECISION, Part.VIEW, Part.REPORT
+
+CSI: Final = Stream("/csi", 150, 2.0, "raw", _IN)
+POSE_IN: Final = Stream("/pose/in", 200, 0.2, "raw", _IN)
+NEIGHBOUR: Final = Stream("/neighbour", 10, 2.0, "raw", _IN)
+TICK: Final = Stream("/tick", 20, 0.2, "json", _IN)
+VEHICLE: Final = Stream("/vehicle", 20, 1.5, "json", _IN)
+WISH: Final = Stream("/wish", 0, 0.0, "json", _IN)
+COMMAND: Final = Stream("/command", 0, 0.0, "json", _IN)
+WORKER: Final = Stream("/aoa/worker", 0, 0.0, "json", _IN)
+ANSWER: Final = Stream("/aoa/answer", 0.3, 20.0, "json", _IN)
+SECOND: Final = Stream("/second", 1, 3.0, "json", _IN)
+SURROUNDINGS: Final = Stream("/surroundings", 0, 0.0, "json", _IN)
+BOOK: Final = Stream("/book", 0, 0.0, "json", _IN)
+END: Final = Stream("/end", 0, 0.0, "json", _IN)
+
+APERTURE: Final = Stream("/aperture", 0.3, 20.0, "msgpack", _DECIDED)
+BEARING: Final = Stream("/bearing", 0.3, 20.0, "json", _DECIDED)
+TARGET: Final = Stream("/target", 0.3, 20.0, "json", _DECIDED)
+MISSION: Final = Stream("/mission", 0, 0.0, "json", _DECIDED)
+SETPOINT: Final = Stream("/setpoint", 20, 0.2, "json", _DECIDED)
+GATE: Final = Stream("/gate", 0, 0.0, "json", _DECIDED)
+OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json", _DECIDED)
+
+PROFILE: Final = Stream("/aoa/profile", 0.3, 20.0, "protobuf", _VIEW)
+POSE: Final = Stream("/pose", 50, 0.2, "protobuf", _VIEW)
+APERTURE_PATH: Final = Stream("/aperture/path", 0.3, 20.0, "protobuf", _VIEW)
+TRANSFORMS: Final = Stream("/tf", 20, 0.5, "protobuf", _VIEW)
+SCENE: Final = Stream("/scene", 0.3, 20.0, "protobuf", _VIEW)
+
+HEALTH: Final = Stream("/health", 1, 3.0, "json", _REPORT)
+LOG: Final = Stream("/log", 0, 0.0, "protobuf", _REPORT)
+AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json", _REPORT)
+
+TRUTH: Final = Stream("/truth", 20, 0.5, "json", Part.TRUTH)
 
 STREAMS: Final = (
-    CSI,
-    POSE,
-    NEIGHBOUR,
-    VEHICLE,
-    SETPOINT,
-    GATE,
-    MISSION,
-    BEARING,
-    PROFILE,
-    AUTOPILOT_EVENT,
-    OBSERVED,
-    HEALTH,
-)
+    CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END,
+    APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE, OBSERVED,
+    PROFILE, POSE, APERTURE_PATH, TRANSFORMS, SCENE,
+    HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
+)  # fmt: skip
+
+SERVICE_STREAMS: Final = tuple(stream for stream in STREAMS if stream.part is not Part.TRUTH)
+"""What the service itself records."""

@@ -29,8 +29,10 @@ class Targets:
         self._trackers.clear()
         self._found.clear()
 
-    def add(self, peer: int, bearing: Bearing) -> None:
-        self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)
+    def add(self, peer: int, bearing: Bearing) -> Target:
+        """Takes a bearing; what is known of that robot now."""
+        found = self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)
+        return found
 
     @property
     def target(self) -> Target | None:

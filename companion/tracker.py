@@ -78,6 +78,18 @@ class Target:
         return math.dist(p_local_enu_m, tuple(now_m))
 
 
+@dataclass(frozen=True, slots=True)
+class TargetReport:
+    """What a new bearing made of the target, for the log."""
+
+    t_mono_ns: int
+    peer: int
+    iteration: int
+    target: Target
+    p_local_enu_m: Vector3 | None
+    """Where the target was when the bearing was taken; None while the bearings do not cross."""
+
+
 class TargetTracker:
     """Keeps the newest bearings to one target and locates it.
 

@@ -152,6 +152,12 @@ def encode(datagram: Datagram, key: bytes) -> bytes:
     return body + _tag(body, key)
 
 
+def resigned(data: bytes, key: bytes) -> bytes:
+    """A datagram of a log, whose signature was checked when it arrived, signed anew: a replay has no robot's keys."""
+    body = data[:-_TAG_BYTES]
+    return body + _tag(body, key)
+
+
 def sender_of(data: bytes) -> int:
     """The id a datagram claims, to choose the key by. Raises WireError when it is not one of ours."""
     if len(data) < OVERHEAD_BYTES:

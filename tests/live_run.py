@@ -21,11 +21,12 @@ from companion.analysis import Options, analyze_run
 from companion.beacon import Beacon
 from companion.clock import NS_PER_S
 from companion.config import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
+from companion.event_clock import EventClock
 from companion.keys import write_key
 from companion.node import Node
 from companion.pose import wire as pose_wire
 from companion.radio import ChannelSample
-from companion.recorder import Recorder
+from companion.recorder import McapRecorder, Recorder
 from companion.recordings import Run, read_truth
 from companion.trajectories import PoseKind, Trajectory, read_trajectory
 from companion.window import ApertureReport, SarWindow
@@ -168,7 +169,7 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     channel = read_truth(run.truth).channel
     timeline = Timeline()
     robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel)
-    recorder = Recorder(folder / "log.mcap", robots[0].config, "test", 100_000)
+    recorder = McapRecorder(folder / "log.mcap", robots[0].config, EventClock(robots[0].clock))
     window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
     uav, beacons = robots[0], robots[1:]
     uav.node = Node(uav.config, uav.clock, recorder, window.add_sample, window.add_pose)

@@ -90,7 +90,7 @@ def analyze(
     kind = PoseKind(poses) if poses else None
     if lever is not None and not all(map(math.isfinite, lever)):
         raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
-    chosen = [(run, _macs_by_name(macs, run)) for run in _chosen(runs, stamps, rx, tx, traj, kind)]
+    chosen = [(run, macs_by_name(macs, run)) for run in chosen_runs(runs, stamps, rx, tx, traj, kind)]
     _check_writable(json_path, None if no_pictures else out)
     console = Console()
     if not console.is_terminal:
@@ -99,7 +99,7 @@ def analyze(
     for run, names in _tracked(chosen):
         result = analyze_run(run, Options(kind, channel, names, lever, estimator))
         if not no_pictures:
-            _draw(result, out)
+            draw(result, out)
         results.append(result)
     _report(results, console)
     if json_path is not None:
@@ -108,7 +108,7 @@ def analyze(
     _check(results)
 
 
-def _chosen(
+def chosen_runs(
     folders: tuple[Path, ...],
     stamps: tuple[str, ...],
     rx: Path | None,
@@ -133,7 +133,7 @@ def _chosen(
     return [loose_run(rx, tx, traj, kind)]
 
 
-def _macs_by_name(macs: tuple[str, ...], run: Run) -> dict[str, str]:
+def macs_by_name(macs: tuple[str, ...], run: Run) -> dict[str, str]:
     """MAC by transmitter name. Raises UsageError for a MAC that cannot be told to belong to a file, or not to it."""
     names: dict[str, str] = {}
     unnamed = [name for name in run.tx if not any(given.startswith(f"{name}=") for given in macs)]
@@ -193,7 +193,7 @@ def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
             progress.stop()
 
 
-def _draw(result: RunResult, out: Path) -> None:
+def draw(result: RunResult, out: Path) -> None:
     # Imported late: it takes half a second, and --no-pictures does without.
     from companion.plots import draw_profile
 

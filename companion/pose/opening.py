@@ -7,32 +7,33 @@ import math
 from companion.clock import Clock
 from companion.config import Config
 from companion.pose.intake import PoseIntake
-from companion.pose.port import Poses
+from companion.pose.port import Poses, PoseSink
 from companion.pose.source import PoseSource
 
 
-def open_poses(config: Config, clock: Clock, intake: PoseIntake) -> Poses:
-    """The source, bound to the intake. Raises CompanionError when it cannot be opened."""
-    pose, source = config.pose, _source(config, clock, intake)
+def open_poses(config: Config, clock: Clock, intake: PoseIntake, sink: PoseSink | None = None) -> Poses:
+    """The source, bound to the intake; its poses go to `sink`, which hands them on, or to the intake itself. Raises
+    CompanionError when it cannot be opened."""
+    pose, source = config.pose, _source(config, clock, sink or intake.take)
     intake.bind(source)
     if pose.source != "px4":  # its estimator has found North by itself
         source.align(math.radians(pose.north_yaw_deg))
     return source
 
 
-def _source(config: Config, clock: Clock, intake: PoseIntake) -> Poses:
+def _source(config: Config, clock: Clock, sink: PoseSink) -> Poses:
     pose = config.pose
     # Imported late: a vehicle needs one of them.
     if pose.source == "natnet":
         from companion.pose.natnet import NatNetPoses
 
-        return NatNetPoses(pose.natnet, clock, intake.take)
+        return NatNetPoses(pose.natnet, clock, sink)
     if pose.source == "recording":
         from companion.pose.recording import RecordedPoses
 
-        return RecordedPoses(config.path(pose.recording), clock, intake.take)
+        return RecordedPoses(config.path(pose.recording), clock, sink)
     if pose.source == "px4":
         from companion.pose.autopilot import AutopilotPoses
 
-        return AutopilotPoses(intake.take)
-    return PoseSource(config.path(pose.socket), 0.0, intake.take)
+        return AutopilotPoses(sink)
+    return PoseSource(config.path(pose.socket), 0.0, sink)

@@ -16,14 +16,18 @@ from typing import Any, Final
 from companion.clock import NS_PER_S, MonotonicClock
 from companion.control import ask
 from companion.errors import CompanionError
+from companion.log.parts import parts_beside
+from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.sim import truth
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 from companion.unix_datagram import bind_datagram_socket
 
 RENDEZVOUS_M: Final = 2.0
+_BEACON: Final = "beacon"
 _READY_S: Final = 90.0  # the first start on a machine compiles the AOA kernel
-_OUTPUTS: Final = ("log.mcap", "beacon.mcap", "flight.png", "profile.png")
+_LOGS: Final = ("log.mcap", "beacon.mcap", TRUTH_NAME)
+_PICTURES: Final = ("flight.png", "profile.png")
 _POLL_S: Final = 0.25
 _LEAVE_S: Final = 1.5
 
@@ -60,14 +64,17 @@ async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
-    for old in _OUTPUTS:  # of an earlier run: a picture of it must not pass for one of this
-        (out / old).unlink(missing_ok=True)
+    logs = (path for name in _LOGS for path in parts_beside(out / name))
+    for old in (*logs, *(out / name for name in _PICTURES)):
+        old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), out, seed)
         with bind_datagram_socket(stage.truth_socket) as truth_socket:
             try:
                 async with Cast(stage, out) as cast:
-                    return await _Operator(stage, cast, truth_socket, on_watch).run(max_time_s)
+                    run = await _Operator(stage, cast, truth_socket, on_watch).run(max_time_s)
+                write_truth(out / TRUTH_NAME, _log_truths(run.truths))
+                return run
             finally:
                 for claim in stage.claims:
                     claim.close()
@@ -163,3 +170,7 @@ class _Operator:
         first, last = recent[0], recent[-1]
         span_s = (last.vehicle.t_mono_ns - first.vehicle.t_mono_ns) / NS_PER_S
         return (last.vehicle.setpoints - first.vehicle.setpoints) / span_s if span_s > 0 else 0.0
+
+
+def _log_truths(truths: list[WorldTruth]) -> list[Truth]:
+    return [Truth(t.t_mono_ns, t.uav_antenna_enu_m, {_BEACON: t.beacon_antenna_enu_m}) for t in truths]

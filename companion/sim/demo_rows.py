@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.clock import NS_PER_S
+from companion.log.foxglove import power_of
 from companion.log_reader import read_log
 from companion.sim.demo import DemoRun
 from companion.sim.truth import WorldTruth
@@ -116,8 +117,7 @@ def summarise(run: DemoRun, log: Path) -> tuple[DemoResult, Profile | None, Logg
     estimated = [iteration for iteration in iterations if iteration.estimate is not None]
     if not profiles or not estimated:
         return result, None, None
-    power = np.frombuffer(profiles[-1], np.float16).reshape(POLAR_RAD.size, AZIMUTH_RAD.size).astype(np.float32)
-    return result, Profile(power, AZIMUTH_RAD, POLAR_RAD), estimated[-1]
+    return result, Profile(power_of(profiles[-1]), AZIMUTH_RAD, POLAR_RAD), estimated[-1]
 
 
 def _lowest_rate_hz(truths: list[WorldTruth]) -> float:

@@ -148,7 +148,7 @@ class _World:
         )
         intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda *_: None)
         node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
-        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False))
+        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False, counters=dict))
         self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
         self._engaging: asyncio.Task[str] | None = None

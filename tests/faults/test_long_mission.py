@@ -19,13 +19,14 @@ import pytest
 
 from companion.aoa_wire import AoaResult
 from companion.clock import NS_PER_S, ManualClock
+from companion.event_clock import EventClock
 from companion.flight import Flight
 from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
 from companion.mission import State
 from companion.node import Node
 from companion.preflight import REQUIREMENTS
 from companion.radio import ANTENNAS, ChannelSample
-from companion.recorder import Recorder
+from companion.recorder import McapRecorder
 from companion.sar import SarIterations
 from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand
 from companion.sim.px4_commander import Commander, Mode
@@ -143,7 +144,7 @@ class _Service:
         mission = replace(stage.uav.mission, limit_s=1e6)
         uav = replace(stage.uav, mission=mission)
         self.clock = _Clock(10**12)
-        self.recorder = Recorder(uav.path(uav.recorder.path), uav, "0", uav.recorder.queue_messages)
+        self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, EventClock(self.clock))
         aperture = uav.aperture
         wavelength = wavelength_m(uav.csi.channel)
         window = SarWindow(uav.pose.antenna_m, wavelength, aperture.min_packets, aperture.max_pose_gap_s)
@@ -151,7 +152,7 @@ class _Service:
         self.beacon = Node(stage.beacon, self.clock, self.recorder, window.add_sample, lambda _: None)
         self.worker, self.autopilot = _Worker(), _Autopilot(self.clock)
         self.sar = SarIterations(
-            window, self.worker, self.node.receiver.neighbours, aperture, self.clock,  # type: ignore[arg-type]
+            window, self.worker, self.node.receiver.neighbours, aperture, self.clock,
             lambda iteration, profile: self.flight.take(iteration, profile), self.node.intake.problem_between,
         )  # fmt: skip
         self.flight = Flight(uav, self.clock, self.node, self.autopilot, self.sar, self.recorder)
@@ -174,7 +175,7 @@ class _Service:
             self.node.receiver.take(datagram)
         while self.worker.waiting:
             self.sar.take(self.worker.waiting.pop(0))
-        self.flight._tick(now_ns)
+        self.flight.tick(now_ns)
         await asyncio.sleep(0)
 
     def _sense(self) -> None:

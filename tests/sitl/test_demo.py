@@ -22,7 +22,7 @@ from companion.log_reader import read_log
 from companion.sim import truth
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth
-from companion.streams import STREAMS
+from companion.streams import SERVICE_STREAMS
 from companion.unix_datagram import bind_datagram_socket
 
 SEED = 3
@@ -73,11 +73,34 @@ def test_it_leaves_a_log_and_two_pictures(finished: tuple[subprocess.CompletedPr
     out = finished[1]
     for name in ("flight.png", "profile.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
-    topics = {message.topic for message in read_log(out / "log.mcap", {stream.topic for stream in STREAMS})}
-    # The gate speaks only when it refuses and the autopilot when something is wrong, which a quiet flight need not
-    # see; and what would be sent is logged only by a service that observes.
+    topics = {message.topic for message in read_log(out / "log.mcap", {stream.topic for stream in SERVICE_STREAMS})}
+    # The gate speaks only when it refuses, the autopilot when it has something to say; nothing was only observed.
     quiet = {"/gate", "/autopilot_event", "/observed_setpoint"}
-    assert topics | quiet == {stream.topic for stream in STREAMS}
+    assert topics | quiet == {stream.topic for stream in SERVICE_STREAMS}
+
+
+def test_the_log_decides_the_same_again(finished: tuple[subprocess.CompletedProcess[str], Path]) -> None:
+    log = finished[1] / "log.mcap"
+    command = [sys.executable, "-m", "companion", "replay", str(log), "--check"]
+    command += ["--json", str(log.with_suffix(".json"))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    print(done.stdout)
+    assert done.returncode == 0, done.stdout + done.stderr
+    checks = {check["topic"]: check for check in json.loads(log.with_suffix(".json").read_text())["check"]}
+    assert checks["/bearing"]["recorded"] >= 8
+    assert checks["/setpoint"]["recorded"] > 500
+    assert all(check["recorded"] == check["replayed"] == check["identical"] for check in checks.values())
+
+
+def test_the_report_of_the_flight_knows_its_errors(
+    finished: tuple[subprocess.CompletedProcess[str], Path], tmp_path: Path
+) -> None:
+    out = finished[1]
+    command = [sys.executable, "-m", "companion", "report", str(out / "log.mcap"), "-o", str(tmp_path / "report.html")]
+    subprocess.run([*command, "--json", str(tmp_path / "report.json")], capture_output=True, timeout=120, check=True)
+    result = json.loads((out / "result.json").read_text())
+    errors = [error for error in json.loads((tmp_path / "report.json").read_text())["errors_deg"] if error is not None]
+    assert sum(errors) / len(errors) == pytest.approx(result["mean_error_deg"], abs=0.3)
 
 
 def test_a_time_limit_ends_it_without_success(tmp_path: Path) -> None:

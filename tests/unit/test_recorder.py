@@ -1,48 +1,110 @@
-"""The log: what was recorded is read back, from whole and from cut files, and a full queue drops without blocking."""
+"""The log: what was recorded is read back, from whole and from cut files; files turn over, and a full queue drops."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
+import logging
+import os
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
+from companion.clock import ManualClock
+from companion.config import Config
+from companion.config_file import load_config
 from companion.errors import CompanionError
-from companion.log_reader import read_log
-from companion.messages import Setpoint
-from companion.recorder import Recorder
-from companion.streams import CSI, SETPOINT, STREAMS
+from companion.event_clock import EventClock
+from companion.events import Tick
+from companion.log.foxglove import LogLine, power_of
+from companion.log.parts import open_part, parts_beside
+from companion.log_reader import LogScan, open_session, read_log
+from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes, pose_of
+from companion.recorder import McapRecorder
+from companion.sar import ApertureRecord
+from companion.streams import (
+    APERTURE,
+    CSI,
+    LOG,
+    POSE,
+    POSE_IN,
+    PROFILE,
+    SETPOINT,
+    STREAMS,
+    TARGET,
+    TICK,
+    VEHICLE,
+    Stream,
+)
+from companion.tracker import Target, TargetReport
 
-
-@dataclass(frozen=True)
-class Settings:
-    name: str
+CONFIG = load_config(Path(__file__).resolve().parents[2] / "configs" / "uav.yaml")
+POSE_AT = Pose(5, (1.0, -2.0, 0.5), (0.5, 0.5, -0.5, 0.5), (0.1, 0.2, 0.3), 3)
 
 
 def setpoint(t_ns: int) -> Setpoint:
     return Setpoint(t_ns, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.5)
 
 
-def write(path: Path, messages: int) -> Recorder:
-    recorder = Recorder(path, Settings("uav"), "1.2.3", queue_messages=100_000)
+def settings(**changes: object) -> Config:
+    return dataclasses.replace(CONFIG, recorder=dataclasses.replace(CONFIG.recorder, **changes))  # type: ignore[arg-type]
+
+
+def clock() -> EventClock:
+    return EventClock(ManualClock(1_000))
+
+
+def write(path: Path, messages: int, config: Config = CONFIG) -> McapRecorder:
+    own = clock()
+    recorder = McapRecorder(path, config, own)
     for number in range(messages):
-        recorder.record(SETPOINT, number, setpoint(number))
-        recorder.record(CSI, number, b"\xbb" + number.to_bytes(4, "little"))
+        with own.event(number):
+            recorder.record(SETPOINT, number, setpoint(number))
+            recorder.record(CSI, number, b"\xbb" + number.to_bytes(4, "little"))
     recorder.close()
     return recorder
+
+
+def one_of_each(path: Path) -> None:
+    recorder = McapRecorder(path, CONFIG, clock())
+    chi = np.arange(6.0).reshape(2, 3)
+    vehicle = VehicleState(7, mode=FlightMode.HOLD, p_local_enu_m=(1.0, 2.0, 3.0), yaw_enu_rad=1.0)
+    aperture = ApertureRecord(
+        3, 2, 10, 20, np.zeros(2).tobytes(), chi.tobytes(), np.ones(2, complex).tobytes(), 0.05, (1.0, 0.0, 0.0)
+    )
+    power = np.linspace(0, 1, 180 * 360).astype(np.float16).tobytes()
+    target = Target(9, 0.5, (1.0, 1.0, 1.0), 4, 6.0, 0.3)
+    messages: tuple[tuple[Stream, object], ...] = (
+        (POSE, POSE_AT),
+        (POSE_IN, pose_bytes(POSE_AT)),
+        (VEHICLE, vehicle),
+        (APERTURE, aperture),
+        (PROFILE, power),
+        (TARGET, TargetReport(9, 2, 3, target, (2.0, 3.0, 4.0))),
+        (TICK, Tick(4)),
+        (LOG, LogLine(logging.WARNING, "companion.flight", "something")),
+    )
+    for stream, message in messages:
+        recorder.record(stream, 5, message)
+    recorder.close()
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "log.mcap"
     recorder = write(path, 500)
-    assert (recorder.written, recorder.dropped) == (1000, 0)
+    assert (recorder.written, recorder.dropped, recorder.failures) == (1000, 0, 0)
     messages = read_log(path, {SETPOINT.topic, CSI.topic})
     setpoints = [msgspec.json.decode(m.data, type=Setpoint) for m in messages if m.topic == SETPOINT.topic]
     assert setpoints == [setpoint(number) for number in range(500)]
     assert messages[1].data == b"\xbb\0\0\0\0"
-    assert read_log(path, {SETPOINT.topic})[0].topic == SETPOINT.topic
+    assert [m.sequence for m in messages if m.topic == CSI.topic] == list(range(1, 501))
+    session = open_session(path)
+    assert messages[-1].log_time_ns - session.wall_minus_mono_ns == 499
+    assert session.config() == CONFIG
+    assert pose_of(pose_bytes(POSE_AT)) == POSE_AT
 
 
 def test_the_plain_reader_finds_schemas_and_metadata(tmp_path: Path) -> None:
@@ -56,8 +118,37 @@ def test_the_plain_reader_finds_schemas_and_metadata(tmp_path: Path) -> None:
     assert schema is not None
     assert schema.encoding == "jsonschema"
     assert "yaw_enu_rad" in msgspec.json.decode(schema.data)["properties"]
-    assert metadata["version"] == "1.2.3"
-    assert msgspec.json.decode(metadata["config"]) == {"name": "uav"}
+    assert msgspec.json.decode(metadata["config"])["name"] == CONFIG.name
+    assert metadata["role"] == "uav"
+
+
+def test_foxglove_messages_decode_with_the_schemas_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    one_of_each(path)
+    decoded = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for schema, channel, message in reader.iter_messages():
+            if schema is not None and schema.encoding == "protobuf":
+                (decoder,) = filter(None, [DecoderFactory().decoder_for(channel.message_encoding, schema)])
+                decoded[channel.topic] = schema.name, decoder(message.data)
+    assert {topic: name for topic, (name, _) in decoded.items()} == {
+        "/pose": "foxglove.PoseInFrame",
+        "/tf": "foxglove.FrameTransforms",
+        "/aperture/path": "foxglove.PosesInFrame",
+        "/aoa/profile": "foxglove.Grid",
+        "/scene": "foxglove.SceneUpdate",
+        "/log": "foxglove.Log",
+    }
+    assert decoded["/pose"][1].pose.position.y == -2.0
+    assert decoded["/tf"][1].transforms[0].translation.z == 3.0
+    assert [p.position.x for p in decoded["/aperture/path"][1].poses] == [1.0, 4.0]
+    assert decoded["/log"][1].message == "something"
+    profile = decoded["/aoa/profile"][1]
+    assert (profile.column_count, len(profile.data)) == (360, 180 * 360)
+    assert profile.data[-1] == 255
+    (logged,) = read_log(path, {PROFILE.topic})
+    np.testing.assert_allclose(power_of(logged.data).ravel(), np.linspace(0, 1, 180 * 360), atol=0.003)
 
 
 def test_a_cut_file_gives_what_stands_before_the_cut(tmp_path: Path) -> None:
@@ -77,12 +168,30 @@ def test_a_cut_file_gives_what_stands_before_the_cut(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_written_or_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(CompanionError, match="cannot write the log"):
-        Recorder(tmp_path / "file" / "log.mcap", Settings(""), "1", 100)
+        McapRecorder(tmp_path / "file" / "log.mcap", CONFIG, clock())
+    with pytest.raises(CompanionError, match=r"/dev/full: cannot write the log: No space left"):
+        McapRecorder(Path("/dev/full"), CONFIG, clock())
     with pytest.raises(CompanionError, match="cannot read the log"):
         read_log(tmp_path / "none.mcap", {"/x"})
     (tmp_path / "text.mcap").write_text("this is no log")
-    with pytest.raises(CompanionError, match=r"not a readable MCAP log"):
+    with pytest.raises(CompanionError, match=r"not an MCAP log"):
         read_log(tmp_path / "text.mcap", {"/x"})
+    with pytest.raises(CompanionError, match=r"no log of this program"):
+        open_session(tmp_path / "text.mcap")
+
+
+def test_a_message_that_cannot_be_encoded_costs_only_itself(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    recorder = McapRecorder(path, CONFIG, clock())
+    recorder.record(PROFILE, 5, b"half a profile")
+    recorder.record(POSE, 5, "no pose")
+    recorder.record(TICK, 5, Tick(5))
+    recorder.record(PROFILE, 5, bytes(2 * 180 * 360))  # nothing was heard: all zero
+    recorder.close()
+    assert recorder.counters() | {"queued": 0} == {
+        "written": 2, "dropped": 2, "malformed": 2, "failures": 0, "queued": 0, "removed_files": 0,
+    }  # fmt: skip
+    assert [m.topic for m in read_log(path, {TICK.topic, PROFILE.topic})] == [TICK.topic, PROFILE.topic]
 
 
 def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
@@ -93,17 +202,58 @@ def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
     write(path, 1)
     assert path.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.1.mcap", "log.2.mcap", "log.mcap"]
+    assert len(open_session(path).paths) == 1  # each is a recording of its own
 
 
-def test_a_full_disk_stops_the_log_and_not_the_caller() -> None:
-    recorder = Recorder(Path("/dev/full"), Settings(""), "1", queue_messages=200)
-    for number in range(20_000):
-        recorder.record(CSI, number, bytes(500))
+def test_files_turn_over_and_read_as_one(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    own = clock()
+    recorder = McapRecorder(path, settings(rotate_s=0.6, compression="lz4"), own)
+    total = 0
+    while len(parts_beside(path)) < 3:
+        with own.event(total):
+            recorder.record(SETPOINT, total, setpoint(total))
+        total += 1
+        recorder._thread.join(0.005)
     recorder.close()
-    assert recorder.failed
-    assert recorder.dropped > 0
+    assert all(_is_whole(part) for part in parts_beside(path))
+    for part in parts_beside(path):
+        session = open_session(part)
+        assert session.paths == tuple(parts_beside(path))
+    times = [m.log_time_ns - session.wall_minus_mono_ns for m in session.messages({SETPOINT.topic})]
+    assert times == list(range(total))
+    path.unlink()
+    assert open_session(tmp_path / "log.2.mcap").missing_parts == 1
+    (tmp_path / "log.1.mcap").rename(tmp_path / "elsewhere.mcap")
+    assert open_session(tmp_path / "log.2.mcap").missing_parts == 2
+
+
+def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    parts = [open_part(path, {}, "zstd", 65536) for _ in range(4)]
+    stranger = tmp_path / "other.mcap"
+    stranger.write_bytes(bytes(100_000))
+    for part in (parts[0], parts[2], parts[3]):
+        part.write(CSI, 1, 1, 1, os.urandom(10_000))
+        part.finish()
+    # The first may go, the second is still being written, the third may go, the last is the newest finished one.
+    newest = parts_beside(path)[-1].stat().st_size
+    last = open_part(path, {}, "zstd", 65536)
+    assert last.remove_oldest(newest + 1_000) == 2
+    assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]
+    assert stranger.exists()
+    parts[1].finish()
+    last.finish()
+    assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]
 
 
 def test_every_stream_has_a_topic_of_its_own() -> None:
     topics = [stream.topic for stream in STREAMS]
     assert len(set(topics)) == len(topics)
+
+
+def _is_whole(path: Path) -> bool:
+    scan = LogScan(path)
+    for _ in scan:
+        pass
+    return scan.is_whole

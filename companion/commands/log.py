@@ -1,0 +1,179 @@
+"""`companion log`: what is done with logs after a flight."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from companion.errors import CompanionError
+from companion.log.info import LogInfo, inspect
+from companion.messages import Vector3
+from companion.progress import tracked_bytes
+
+_file = click.Path(path_type=Path)
+_WIDTH = 120
+
+
+@click.group()
+def log() -> None:
+    """Flight logs: info, repair, export, merge, import. The format is described in docs/log.md."""
+
+
+@log.command()
+@click.argument("paths", nargs=-1, required=True, metavar="LOG...", type=_file)
+@click.option("--json", "json_path", type=_file, help="Write the result here.")
+def info(paths: tuple[Path, ...], json_path: Path | None) -> None:
+    """What a log holds; also of one that was cut off."""
+    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    infos = []
+    for path in paths:
+        with tracked_bytes(f"reading {path.name}") as progress:
+            infos.append(inspect(path, progress))
+        _show(infos[-1], console)
+    if json_path is not None:
+        _write_json(json_path, [_info_json(one) for one in infos])
+
+
+@log.command()
+@click.argument("path", metavar="LOG", type=_file)
+@click.option("--out", type=_file, help="The whole log; else LOG.repaired.mcap.")
+def repair(path: Path, out: Path | None) -> None:
+    """Save what can be read of a log that was cut off, as a whole one. LOG itself is left as it is."""
+    from companion.log.repair import repair as save
+
+    target = out or path.with_suffix(f".repaired{path.suffix}")
+    with tracked_bytes("repairing") as progress:
+        saved = save(path, target, progress)
+    click.echo(f"{target}: {saved.messages} messages" + (" (it was whole already)" if saved.was_whole else ""))
+
+
+@log.command()
+@click.argument("path", metavar="LOG", type=_file)
+@click.option("--to", "formats", multiple=True, type=click.Choice(["tum", "csv", "dat", "npz"]), help="Else all.")
+@click.option("--out", type=_file, default=Path("export"), show_default=True, help="Folder for the files.")
+def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
+    """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
+    from companion.log.export import FORMATS
+    from companion.log.export import export as write
+    from companion.log_reader import open_session
+
+    session = open_session(path)
+    try:
+        with tracked_bytes("exporting") as progress:
+            written = write(session, formats or FORMATS, out, progress)
+    except OSError as error:
+        raise CompanionError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+    if not written:
+        raise CompanionError(f"{path}: holds nothing that {', '.join(formats or FORMATS)} could show")
+    click.echo("written: " + ", ".join(map(str, written)))
+
+
+@log.command()
+@click.argument("first", metavar="LOG", type=_file)
+@click.argument("others", nargs=-1, metavar="[OTHER]...", type=_file)
+@click.option("--ulg", type=_file, help="PX4's own log of the flight.")
+@click.option("--out", type=_file, required=True, help="The merged log.")
+def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) -> None:
+    """Logs of one flight as one, on the time of the first: of beacons, of a simulator's truth, of PX4."""
+    from companion.log.merge import merge as join
+
+    if not others and ulg is None:
+        raise click.UsageError("one log alone needs no merging: give others, or --ulg")
+    with tracked_bytes("merging") as progress:
+        joined = join(first, others, ulg, out, progress)
+    for one in joined:
+        click.echo(f"{one.path}: {one.offset_s:+.4f} s, {one.how}; topics {one.prefix or 'as they are'}")
+    click.echo(f"written: {out}")
+
+
+@log.command("import")
+@click.argument("run", required=False, metavar="[RUN]", type=_file)
+@click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
+@click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
+@click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
+@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
+@click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
+@click.option("--mac", "macs", multiple=True, metavar="NAME=MAC", help="Card of a transmitter that is not known.")
+@click.option("--lever", type=(float, float, float), metavar="F L U", help="Antenna from the tracked point [m].")
+@click.option("--out", type=_file, default=Path("imported"), show_default=True, help="Folder for <set>_<TS>.mcap.")
+def import_(
+    run: Path | None,
+    stamps: tuple[str, ...],
+    rx: Path | None,
+    tx: tuple[Path, ...],
+    traj: Path | None,
+    channel: int | None,
+    macs: tuple[str, ...],
+    lever: Vector3 | None,
+    out: Path,
+) -> None:
+    """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
+    from companion.analysis import Options
+    from companion.commands.analyze import chosen_runs, macs_by_name
+    from companion.log.recording import import_run
+
+    if lever is not None and not all(map(math.isfinite, lever)):
+        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
+    runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
+    failed = []
+    begun = time.monotonic()
+    with tracked_bytes("importing") as progress:
+        out.mkdir(parents=True, exist_ok=True)
+        for number, one in enumerate(runs):
+            target = out / f"{one.set_name}_{one.folder.resolve().name}_{one.stamp}.mcap"
+            try:
+                scene = import_run(one, target, Options(None, channel, macs_by_name(macs, one), lever))
+            except CompanionError as error:
+                failed.append(str(error))
+                continue
+            for problem in scene.problems:
+                click.echo(f"  ! {problem}", err=True)
+            progress(number + 1, len(runs))
+    for text in failed:
+        click.echo(f"companion: {text}", err=True)
+    click.echo(f"{len(runs) - len(failed)} of {len(runs)} runs in {out} after {time.monotonic() - begun:.1f} s")
+    if len(failed) == len(runs):
+        raise CompanionError("nothing could be imported")
+
+
+def _show(one: LogInfo, console: Console) -> None:
+    state = "whole" if one.is_whole else "CUT OFF (companion log repair makes it whole)"
+    meta = one.metadata
+    console.print(f"{one.path}: {one.size_bytes / 1e6:.2f} MB, {one.duration_s:.1f} s, {state}", highlight=False)
+    about = [f"{key} {meta[key]}" for key in ("role", "name", "version", "session", "part") if key in meta]
+    console.print(", ".join(about) + (f", {one.dropped} messages dropped" if one.dropped else ""), highlight=False)
+    table = Table(show_edge=False)
+    for name in ("topic", "encoding", "schema"):
+        table.add_column(name)
+    for name in ("messages", "per second", "kB"):
+        table.add_column(name, justify="right")
+    for topic in one.topics:
+        rate, size = f"{topic.rate_hz:.1f}", f"{topic.payload_bytes / 1e3:.1f}"
+        table.add_row(topic.topic, topic.encoding, topic.schema, str(topic.messages), rate, size)
+    console.print(table)
+
+
+def _info_json(one: LogInfo) -> dict[str, object]:
+    return {
+        "path": str(one.path),
+        "size_bytes": one.size_bytes,
+        "is_whole": one.is_whole,
+        "duration_s": one.duration_s,
+        "dropped": one.dropped,
+        "metadata": dict(one.metadata),
+        "topics": [asdict(topic) | {"rate_hz": topic.rate_hz} for topic in one.topics],
+    }
+
+
+def _write_json(path: Path, content: object) -> None:
+    try:
+        path.write_text(json.dumps(content, indent=2) + "\n")
+    except OSError as error:
+        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None

@@ -1,0 +1,211 @@
+"""`companion replay`: a recorded flight decided again."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from companion.config import Config
+from companion.config_file import load_config
+from companion.errors import CompanionError
+from companion.log_reader import Session, open_session
+from companion.progress import tracked_bytes, working
+from companion.replay.check import StreamCheck, check
+from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
+from companion.replay.player import Player
+from companion.replay.result import ReplayResult, replay_log, write_log
+from companion.replay.truths import true_azimuths
+
+_file = click.Path(path_type=Path)
+_WIDTH = 150
+
+
+class _Speed(click.ParamType[float | None]):
+    name = "X|max"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        if value in (None, "max"):
+            return None
+        try:
+            speed = float(value)
+        except ValueError:
+            self.fail(f"{value}: expected a positive factor such as 1 or 20, or max", param, ctx)
+        if not 0 < speed < float("inf"):
+            self.fail(f"{value}: expected a positive factor such as 1 or 20, or max", param, ctx)
+        return speed
+
+
+@click.command()
+@click.argument("log", type=_file)
+@click.option("--speed", type=_Speed(), default="max", show_default=True, help="Times real time.")
+@click.option("--check", "is_check", is_flag=True, help="Compare with what was recorded; exit 1 where it differs.")
+@click.option("--config", "config_path", type=_file, help="What another configuration would have made of the flight.")
+@click.option("--live-page", is_flag=True, help="Show the replay in a browser, on a page of this machine.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8970, show_default=True, help="Of the page.")
+@click.option("--json", "json_path", type=_file, help="Write the result here.")
+@click.option("--out", type=_file, help="Folder for replay.mcap and, with --config, the plot comparison.png.")
+def replay(
+    log: Path,
+    speed: float | None,
+    is_check: bool,
+    config_path: Path | None,
+    live_page: bool,
+    port: int,
+    json_path: Path | None,
+    out: Path | None,
+) -> None:
+    """Run the service's own code on a recorded flight. Nothing reaches a vehicle, a card or a network.
+
+    LOG is a flight's log or any part of it. The same log gives the same bytes each time.
+    """
+    if is_check and config_path is not None:
+        raise click.UsageError("--check asks for identity, --config for a difference: give one of them")
+    session = open_session(log)
+    if session.metadata.get("role") == "recording":
+        _replay_recording(session, json_path, out)
+        return
+    config = session.config() if config_path is None else load_config(config_path)
+    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    begun = time.monotonic()
+    with Player(session, config, exact=config_path is None) as player:
+        if live_page:
+            from companion.replay.live_page import replay_with_page
+
+            result = replay_with_page(player, session, speed, port, lambda url: click.echo(f"the replay is at {url}"))
+        else:
+            with tracked_bytes("replaying") as progress:
+                result = replay_log(player, session, speed, progress)
+    took_s = time.monotonic() - begun
+    factor = result.flight_s / max(took_s, 1e-3)
+    console.print(f"{result.flight_s:.1f} s of recording in {took_s:.1f} s: {factor:.0f} times real time")
+    _conclude(session, config, result, (is_check, config_path, json_path, out), console)
+
+
+def _conclude(
+    session: Session,
+    config: Config,
+    result: ReplayResult,
+    options: tuple[bool, Path | None, Path | None, Path | None],
+    console: Console,
+) -> None:
+    is_check, other, json_path, out = options
+    content: dict[str, Any] = {"log": [path.name for path in session.paths], **result.as_json()}
+    failed = ""
+    if is_check:
+        checks = check(result.recorded, result.decided, result.start_ns + session.wall_minus_mono_ns)
+        console.print(_check_table(checks))
+        content["check"] = [asdict(one) for one in checks]
+        failed = _verdict(checks, result, session)
+    rows: list[BearingRow] = []
+    if other is not None:
+        rows = _compare(session, config, result, console)
+        content["comparison"] = [asdict(row) for row in rows]
+    if out is not None:
+        with _writing(out):
+            out.mkdir(parents=True, exist_ok=True)
+            write_log(out / "replay.mcap", session, config, result)
+        if rows:
+            from companion.replay.plot import draw_comparison
+
+            with _writing(out / "comparison.png"):
+                draw_comparison(out / "comparison.png", rows, session.paths[0].name, str(other))
+    if json_path is not None:
+        with _writing(json_path):
+            json_path.write_text(json.dumps(content, indent=2, default=str) + "\n")
+    if failed:
+        raise CompanionError(failed)
+
+
+def _verdict(checks: list[StreamCheck], result: ReplayResult, session: Session) -> str:
+    differing = [one.topic for one in checks if one.difference is not None]
+    if not differing and not result.unexpected:
+        click.echo("identical within the tolerances of docs/log.md")
+        return ""
+    dropped = result.dropped_while_recording
+    why = f"; {dropped} messages were dropped while recording, so it cannot be exact" if dropped else ""
+    return f"{session.paths[0]}: the replay differs in {', '.join(differing) or 'the commands it started'}{why}"
+
+
+def _check_table(checks: list[StreamCheck]) -> Table:
+    table = Table(title="recorded against replayed", title_justify="left")
+    for name in ("stream", "recorded", "replayed", "same bytes"):
+        table.add_column(name, justify="left" if name == "stream" else "right")
+    table.add_column("first difference", overflow="fold")
+    for one in checks:
+        where = one.difference
+        text = "none" if where is None else f"message {where.index} at {where.t_s:.2f} s: {where.what}"
+        table.add_row(one.topic, str(one.recorded), str(one.replayed), str(one.identical), text)
+    return table
+
+
+def _compare(session: Session, config: Config, result: ReplayResult, console: Console) -> list[BearingRow]:
+    start_ns = result.start_ns
+    old, new = iterations_of(result.recorded), iterations_of(result.decided)
+    rows = bearing_rows(old, new, start_ns, true_azimuths(session, config, [*old, *new]))
+    table = Table(title="as flown, and as the other configuration would have had it", title_justify="left")
+    for name in ("t [s]", "peer", "azimuth", "other", "moved", "reliability", "other", "error", "other"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        table.add_row(
+            f"{row.t_s:.1f}", str(row.peer),
+            _degrees(row.recorded_azimuth_deg), _degrees(row.replayed_azimuth_deg), _degrees(row.moved_deg),
+            _share(row.recorded_reliability), _share(row.replayed_reliability),
+            _degrees(row.recorded_error_deg), _degrees(row.replayed_error_deg),
+        )  # fmt: skip
+    console.print(table)
+    before, after = mission_steps(result.recorded, start_ns), mission_steps(result.decided, start_ns)
+    for number, (a, b) in enumerate(zip(before, after, strict=False)):
+        if a.text != b.text:
+            console.print(f"mission: step {number} was {a.text} at {a.t_s:.2f} s, would be {b.text} at {b.t_s:.2f} s")
+            break
+    else:
+        console.print(f"mission: {len(before)} steps as flown, {len(after)} with the other, the same in their order")
+    console.print("The vehicle flew as recorded: after the first moved decision the other column is open loop.")
+    return rows
+
+
+def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
+    """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
+    from companion.analysis_report import as_json, problem_lines, run_table
+    from companion.log.recording import analyze_session
+
+    with working("estimating"):
+        result = analyze_session(session)
+    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console.print(run_table(result))
+    for line in problem_lines(result):
+        console.print(f"  ! {line}", markup=False, highlight=False, soft_wrap=True)
+    if json_path is not None:
+        with _writing(json_path):
+            json_path.write_text(json.dumps(as_json([result]), indent=2, allow_nan=False) + "\n")
+    if out is not None:
+        from companion.commands.analyze import draw
+
+        draw(result, out)
+    if not any(link.estimate is not None for link in result.links):
+        raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
+
+
+def _degrees(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}°"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -1,0 +1,77 @@
+"""What a log holds, stream by stream; also of a file that is cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from companion.log.writer import METADATA
+from companion.log_reader import LogScan, Progress
+from companion.streams import HEALTH
+
+
+@dataclass(slots=True)
+class TopicInfo:
+    """`rate_hz` is over the topic's own time."""
+
+    topic: str
+    encoding: str
+    schema: str
+    messages: int = 0
+    payload_bytes: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    @property
+    def rate_hz(self) -> float:
+        span_ns = self.last_ns - self.first_ns
+        return (self.messages - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LogInfo:
+    """One file. `dropped` messages as the recorder last said in health."""
+
+    path: Path
+    size_bytes: int
+    is_whole: bool
+    metadata: Mapping[str, str]
+    topics: tuple[TopicInfo, ...]
+    start_ns: int
+    end_ns: int
+    dropped: int
+
+    @property
+    def duration_s(self) -> float:
+        return (self.end_ns - self.start_ns) / 1e9
+
+
+def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
+    """Raises CompanionError for what is no log."""
+    scan = LogScan(path, progress=progress)
+    topics: dict[str, TopicInfo] = {}
+    dropped = 0
+    for message in scan:
+        info = topics.get(message.topic)
+        if info is None:
+            info = topics[message.topic] = TopicInfo(message.topic, message.encoding, message.schema[0])
+            info.first_ns = message.log_time_ns
+        info.messages += 1
+        info.payload_bytes += len(message.data)
+        info.first_ns = min(info.first_ns, message.log_time_ns)
+        info.last_ns = max(info.last_ns, message.log_time_ns)
+        if message.topic == HEALTH.topic:
+            dropped = int(msgspec.json.decode(message.data).get("recorder", {}).get("dropped", 0))
+    return LogInfo(
+        path,
+        scan.size_bytes,
+        scan.is_whole,
+        scan.metadata.get(METADATA, {}),
+        tuple(topics[topic] for topic in sorted(topics)),
+        min((info.first_ns for info in topics.values()), default=0),
+        max((info.last_ns for info in topics.values()), default=0),
+        dropped,
+    )

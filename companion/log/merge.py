@@ -1,0 +1,131 @@
+"""Logs of one flight from several robots, and the autopilot's own, as one file on the first one's time.
+
+A robot's clock is related to the first one's by the exchanges that both recorded: the frame counter tells which packets
+belong together, whatever the clocks say. Without counters, and for the truth of a simulator on the same machine, wall
+times are taken as they are.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from companion.errors import CompanionError
+from companion.log.repair import copy
+from companion.log.ulog import PREFIX, Ulog, clock_offset_s
+from companion.log.writer import LogWriter
+from companion.log_reader import LoggedMessage, Progress, Session, open_session
+from companion.streams import CSI, VEHICLE
+from csi_bridge.parser import parse_body
+from csi_bridge.records import CsiError, CsiRecord
+
+_LEAST_EXCHANGES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """How one log was joined to the first."""
+
+    path: Path
+    prefix: str
+    """Before its topics."""
+    offset_s: float
+    """Added to its times."""
+    how: str
+
+
+def merge(
+    first: Path, others: Sequence[Path], ulog: Path | None, target: Path, progress: Progress | None = None
+) -> list[Joined]:
+    """Writes `target`. The first log keeps its topics, each other gets its robot's name before them, the truth keeps
+    its own. Raises CompanionError."""
+    base = open_session(first)
+    joined = [_join(base, path) for path in others]
+    sources: list[Iterator[_Timed]] = [((m.log_time_ns, "", 0, m) for m in base.messages(progress=progress))]
+    for path, one in zip(others, joined, strict=True):
+        sources.append(_shifted(open_session(path), one.prefix, round(one.offset_s * 1e9)))
+    if ulog is not None:
+        opened = Ulog(ulog)
+        offset_s, rms_m = clock_offset_s(ulog, opened.positions(), _vehicle_track(base))
+        joined.append(Joined(ulog, PREFIX, offset_s, f"positions agree to {rms_m:.2f} m"))
+        sources.append(_px4(opened, round(offset_s * 1e9)))
+    try:
+        with target.open("xb") as file:
+            writer = LogWriter(file, base.metadata)
+            for number, one in enumerate(joined):
+                values = {"file": one.path.name, "prefix": one.prefix, "offset_s": repr(one.offset_s), "how": one.how}
+                writer.add_metadata(f"joined {number}", values)
+            for _, prefix, offset_ns, message in heapq.merge(*sources, key=lambda timed: timed[0]):
+                copy(writer, message, prefix, offset_ns)
+            writer.finish()
+    except FileExistsError:
+        raise CompanionError(f"{target}: is there already; choose another name with --out") from None
+    except OSError as error:
+        raise CompanionError(f"{target}: cannot be written: {error.strerror}") from None
+    return joined
+
+
+_Timed = tuple[int, str, int, LoggedMessage]
+
+
+def _join(base: Session, path: Path) -> Joined:
+    session = open_session(path)
+    role = session.metadata.get("role", "")
+    if role == "truth":
+        # Same machine: both clocks are the monotonic one, and the wall clock may have stepped in between.
+        offset_ns = base.wall_minus_mono_ns - session.wall_minus_mono_ns
+        return Joined(path, "", offset_ns / 1e9, "same monotonic clock")
+    prefix = f"/{session.metadata.get('name') or path.stem}"
+    ours, theirs = _exchange_times(base), _exchange_times(session)
+    best: tuple[int, float, float] | None = None
+    for our_times in ours.values():
+        for their_times in theirs.values():
+            common = sorted(our_times.keys() & their_times.keys())
+            lags = np.array([our_times[frame] - their_times[frame] for frame in common], float) / 1e9
+            if len(lags) >= _LEAST_EXCHANGES and (best is None or len(lags) > best[0]):
+                middle = float(np.median(lags))
+                best = len(lags), middle, float(np.median(np.abs(lags - middle)))
+    if best is None:
+        return Joined(path, prefix, 0.0, f"by wall clock: fewer than {_LEAST_EXCHANGES} exchanges in common")
+    count, offset_s, spread_s = best
+    return Joined(path, prefix, offset_s, f"{count} exchanges in common, spread {1e3 * spread_s:.2f} ms")
+
+
+def _exchange_times(session: Session) -> dict[bytes, dict[int, int]]:
+    """Arrival [ns wall time] by frame counter, for each sender heard."""
+    times: dict[bytes, dict[int, int]] = {}
+    for message in session.messages({CSI.topic}):
+        try:
+            record = parse_body(message.data[0], message.data[1:])
+        except CsiError:
+            continue
+        if isinstance(record, CsiRecord) and record.mac is not None and record.frame_count is not None:
+            times.setdefault(record.mac, {})[record.frame_count] = message.log_time_ns
+    return times
+
+
+def _vehicle_track(session: Session) -> tuple[np.ndarray, np.ndarray]:
+    rows: dict[int, list[float]] = {}
+    for message in session.messages({VEHICLE.topic}):
+        state = msgspec.json.decode(message.data)
+        if state["p_local_enu_m"] is not None:
+            rows[state["position_mono_ns"] + session.wall_minus_mono_ns] = state["p_local_enu_m"]
+    times = sorted(rows)
+    return np.array(times, float) / 1e9, np.array([rows[t] for t in times]).reshape(-1, 3)
+
+
+def _shifted(session: Session, prefix: str, offset_ns: int) -> Iterator[_Timed]:
+    for message in session.messages():
+        yield message.log_time_ns + offset_ns, prefix, offset_ns, message
+
+
+def _px4(ulog: Ulog, offset_ns: int) -> Iterator[_Timed]:
+    """In the order of time; a .ulg is read whole anyway."""
+    rows = sorted(ulog.messages(), key=lambda row: row[1])
+    for topic, t_ns, data in rows:
+        yield t_ns + offset_ns, "", offset_ns, LoggedMessage(topic, t_ns, data, t_ns, 0, "json")

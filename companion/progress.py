@@ -1,0 +1,48 @@
+"""A progress bar for the terminal, shown once the work has taken longer than a second."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from rich.console import Console
+from rich.progress import Progress
+
+_PATIENCE_S: Final = 1.0
+_REDRAW_S: Final = 0.1
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner for work whose length is not known. Silent where there is no terminal."""
+    console = Console(stderr=True)
+    with console.status(what) if console.is_terminal else contextlib.nullcontext():
+        yield
+
+
+@contextmanager
+def tracked_bytes(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Gives a function to call with (done, total), as often as one likes. Silent where there is no terminal."""
+    bar = Progress(console=Console(stderr=True), transient=True)
+    task = bar.add_task(what, total=None)
+    start = time.monotonic()
+    shown = start
+
+    def update(done: int, total: int) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if now - shown < _REDRAW_S:
+            return
+        shown = now
+        bar.update(task, completed=done, total=total)
+        if now - start > _PATIENCE_S and bar.console.is_terminal and not bar.live.is_started:
+            bar.start()
+
+    try:
+        yield update
+    finally:
+        if bar.live.is_started:  # stopping one that never started prints an empty line
+            bar.stop()

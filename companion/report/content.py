@@ -1,0 +1,144 @@
+"""What a report shows of a flight, gathered in one pass over its log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from foxglove_schemas_protobuf.Log_pb2 import Log
+
+from companion.config import Config
+from companion.log.foxglove import power_of
+from companion.log.records import LoggedIteration, TruthTrack
+from companion.log_reader import LoggedMessage, Progress, Session
+from companion.replay.truths import truth_of
+from companion.streams import (
+    BEARING,
+    COMMAND,
+    CSI,
+    GATE,
+    HEALTH,
+    LOG,
+    MISSION,
+    NEIGHBOUR,
+    POSE_IN,
+    PROFILE,
+    SETPOINT,
+    VEHICLE,
+    WISH,
+)
+
+Floats = npt.NDArray[np.float64]
+_WARNING: Final = Log.WARNING
+_COUNTED: Final = (CSI, POSE_IN, NEIGHBOUR, SETPOINT)
+
+
+@dataclass(frozen=True, slots=True)
+class EventLine:
+    """Something that happened at one moment."""
+
+    t_s: float
+    kind: str
+    text: str
+
+
+@dataclass(slots=True)
+class FlightContent:
+    """Times are seconds since the first message; places ENU in the autopilot's local frame."""
+
+    session: Session
+    config: Config
+    start_ns: int = 0
+    duration_s: float = 0.0
+    is_whole: bool = True
+    iterations: list[LoggedIteration] = field(default_factory=list)
+    profiles: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
+    """By the number of the iteration."""
+    truth: TruthTrack = field(default_factory=lambda: TruthTrack(()))
+    vehicle_t_s: list[float] = field(default_factory=list)
+    vehicle_m: list[tuple[float, float, float]] = field(default_factory=list)
+    modes: list[tuple[float, str]] = field(default_factory=list)
+    arrivals_s: dict[str, list[float]] = field(default_factory=dict)
+    """Of each message, by topic."""
+    health: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    events: list[EventLine] = field(default_factory=list)
+    states: list[tuple[float, str]] = field(default_factory=list)
+
+    def seconds(self, t_mono_ns: int) -> float:
+        """Since the first message, of a monotonic time."""
+        return (t_mono_ns + self.session.wall_minus_mono_ns - self.start_ns) / 1e9
+
+    def peer_name(self, peer: int) -> str:
+        return next((one.name for one in self.config.peers if one.id == peer), str(peer))
+
+    def true_bearing(self, iteration: LoggedIteration) -> tuple[float, float] | None:
+        """Azimuth and polar angle [rad] at the iteration's reference time."""
+        return self.truth.bearing(iteration.reference_ns, self.peer_name(iteration.peer))
+
+    def rate(self, topic: str) -> tuple[Floats, Floats]:
+        """Whole seconds and messages in each."""
+        edges = np.arange(0.0, max(1.0, np.ceil(self.duration_s)) + 1)
+        counts, _ = np.histogram(self.arrivals_s.get(topic, []), edges)
+        return edges[:-1], counts.astype(float)
+
+
+def gather(session: Session, progress: Progress | None = None) -> FlightContent:
+    """Raises CompanionError for an unreadable log."""
+    content = FlightContent(session, session.config())
+    last_bearing: int | None = None
+    for message in session.messages(None, progress, lambda path: setattr(content, "is_whole", False)):
+        content.start_ns = content.start_ns or message.log_time_ns
+        t_s = (message.log_time_ns - content.start_ns) / 1e9
+        content.duration_s = max(content.duration_s, t_s)
+        if message.topic in {stream.topic for stream in _COUNTED}:
+            content.arrivals_s.setdefault(message.topic, []).append(t_s)
+        if message.topic == BEARING.topic:
+            content.iterations.append(msgspec.json.decode(message.data, type=LoggedIteration))
+            last_bearing = content.iterations[-1].number
+        elif message.topic == PROFILE.topic and last_bearing is not None:
+            content.profiles[last_bearing] = power_of(message.data)
+        elif message.topic == VEHICLE.topic:
+            _take_vehicle(content, t_s, msgspec.json.decode(message.data))
+        elif message.topic == HEALTH.topic:
+            content.health.append((t_s, msgspec.json.decode(message.data)))
+        else:
+            content.events += _events(content, t_s, message)
+    content.truth = truth_of(session)
+    return content
+
+
+def _take_vehicle(content: FlightContent, t_s: float, state: dict[str, Any]) -> None:
+    if state["p_local_enu_m"] is not None:
+        content.vehicle_t_s.append(t_s)
+        x, y, z = state["p_local_enu_m"]
+        content.vehicle_m.append((x, y, z))
+    mode = state["mode"] or "unknown"
+    if not content.modes or content.modes[-1][1] != mode:
+        content.modes.append((t_s, mode))
+        content.events.append(EventLine(t_s, "vehicle", f"mode {mode}"))
+
+
+def _events(content: FlightContent, t_s: float, message: LoggedMessage) -> Iterator[EventLine]:
+    if message.topic == LOG.topic:
+        line = Log.FromString(message.data)
+        if line.level >= _WARNING:
+            yield EventLine(t_s, "log", f"{line.name}: {line.message}")
+        return
+    if message.topic not in {stream.topic for stream in (MISSION, GATE, WISH, COMMAND)}:
+        return
+    values = msgspec.json.decode(message.data)
+    if message.topic == MISSION.topic:
+        content.states.append((t_s, values["next_state"]))
+        yield EventLine(t_s, "mission", f"{values['state']} -> {values['next_state']} on {values['event']}")
+    elif message.topic == GATE.topic:
+        yield EventLine(
+            t_s, "gate", "refuses: " + "; ".join(values["reasons"]) if values["reasons"] else "passes again"
+        )
+    elif message.topic == WISH.topic:
+        yield EventLine(t_s, "wish", values["wish"] + (f", refused: {values['refusal']}" if values["refusal"] else ""))
+    else:
+        yield EventLine(t_s, "command", values["error"] or f"done: {values['event'] or 'nothing to report'}")

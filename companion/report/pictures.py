@@ -1,0 +1,215 @@
+"""The pictures of a report. Everything is told apart by marks, lines and shades of grey: pages are printed."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from companion.report.content import FlightContent
+from companion.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
+from wsr.geometry import direction, great_circle
+
+_DPI: Final = 90
+_BEARING_M: Final = 1.6
+_COLUMNS: Final = 4
+
+Direction = tuple[float, float | None]
+"""Azimuth and polar angle [rad], None where it is not observable."""
+
+
+def flight_path(content: FlightContent) -> bytes:
+    """From above: the vehicle by its autopilot, a bearing at each reference point, darker the later; PNG."""
+    figure, (axes,) = _figure(7.5, 6.5)
+    if content.vehicle_m:
+        place = np.array(content.vehicle_m)
+        axes.plot(place[:, 0], place[:, 1], "k-", linewidth=1.0, label="vehicle (autopilot)")
+        axes.plot(*place[0, :2], "ko", label="first position")
+    with_bearing = [one for one in content.iterations if one.estimate is not None and one.p_local_enu_m is not None]
+    for index, one in enumerate(with_bearing):
+        assert one.estimate is not None
+        assert one.p_local_enu_m is not None
+        east, north, _ = one.p_local_enu_m
+        angle = one.estimate.azimuth_rad
+        shade = str(0.7 - 0.7 * (index + 1) / len(with_bearing))
+        style = "-" if one.estimate.azimuth_observable else ":"
+        tip = (east + _BEARING_M * math.cos(angle), north + _BEARING_M * math.sin(angle))
+        arrow = {"arrowstyle": "->", "color": shade, "linestyle": style}
+        axes.annotate("", xy=tip, xytext=(east, north), arrowprops=arrow)
+        axes.annotate(str(one.number), (east, north), fontsize=7, color="0.3", ha="center", va="bottom")
+    axes.plot([], [], "-", color="0.3", label="bearing of each SAR iteration, darker the later")
+    if content.truth:
+        _plot_truth(axes, content)
+    axes.set(xlabel="East [m]", ylabel="North [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(fontsize=8)
+    return _png(figure)
+
+
+def profiles(
+    tiles: Sequence[tuple[str, npt.NDArray[np.floating[Any]], Direction, tuple[float, float] | None]],
+) -> bytes:
+    """Small multiples: each (title, power, estimate, truth), dark where the power is high; PNG."""
+    rows = max(1, math.ceil(len(tiles) / _COLUMNS))
+    figure = Figure(figsize=(11, 2.1 * rows + 0.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    for index, (title, power, (azimuth, polar), truth) in enumerate(tiles):
+        axes = figure.add_subplot(rows, _COLUMNS, index + 1)
+        extent = (-180.0, 180.0, 180.0, 0.0)
+        axes.imshow(power / max(float(power.max()), 1e-30), cmap="gray_r", vmin=0, vmax=1, extent=extent, aspect="auto")
+        if polar is None:
+            axes.axvline(math.degrees(azimuth), color="black", linestyle="--", linewidth=0.8)
+        else:
+            axes.plot(
+                math.degrees(azimuth), math.degrees(polar), "wo", markersize=9, markeredgecolor="k", fillstyle="none"
+            )
+            axes.plot(math.degrees(azimuth), math.degrees(polar), "ko", markersize=11, fillstyle="none")
+        if truth is not None:
+            axes.plot(*map(math.degrees, truth), "wx", markersize=9, markeredgewidth=3)
+            axes.plot(*map(math.degrees, truth), "kx", markersize=8, markeredgewidth=1.3)
+        axes.set_title(title, fontsize=8)
+        axes.set(xticks=(-180, -90, 0, 90, 180), yticks=(0, 90, 180))
+        axes.tick_params(labelsize=6)
+    return _png(figure)
+
+
+def estimates(content: FlightContent) -> bytes:
+    """Error against the truth where there is one, with the Cramer-Rao bound; reliability; PNG."""
+    figure, (above, below) = _figure(9, 5.5, 2)
+    with_estimate = [one for one in content.iterations if one.estimate is not None]
+    t_s = [content.seconds(one.reference_ns) for one in with_estimate]
+    bound = [one.estimate.crb_rad for one in with_estimate if one.estimate is not None]
+    above.plot(t_s, [math.nan if b is None else math.degrees(b) for b in bound], "s--", color="0.5", label="CRB")
+    if content.truth:
+        above.plot(t_s, error_degrees(content), "ko-", label="error (great circle)")
+    above.set(
+        ylabel="[deg]", yscale="log", title="error and bound" if content.truth else "bound (no truth in this log)"
+    )
+    above.legend(fontsize=8)
+    reliability = [one.estimate.reliability for one in with_estimate if one.estimate is not None]
+    below.plot(t_s, reliability, "ko-")
+    below.axhline(content.config.aperture.min_reliability, color="0.5", linestyle=":", label="least that steers")
+    below.set(ylabel="reliability", ylim=(0, 1), xlabel="time [s]")
+    below.legend(fontsize=8)
+    return _png(figure)
+
+
+def rates(content: FlightContent) -> bytes:
+    """Packets, poses, datagrams and set points a second, and how many packets of each iteration were paired; PNG."""
+    figure, (packets, pairs, points) = _figure(9, 7, 3)
+    for stream, style in ((CSI, "k-"), (POSE_IN, "k--"), (NEIGHBOUR, "k:")):
+        packets.plot(*content.rate(stream.topic), style, label=stream.topic)
+    packets.set(ylabel="messages/s", title="what was heard")
+    packets.legend(fontsize=8)
+    t_s = [content.seconds(one.reference_ns) for one in content.iterations]
+    used = [one.estimate.packets if one.estimate is not None else 0 for one in content.iterations]
+    share = [100 * count / max(one.received, 1) for count, one in zip(used, content.iterations, strict=True)]
+    pairs.bar(t_s, share, width=1.0, color="0.7", edgecolor="k")
+    pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired and used in each SAR iteration")
+    points.plot(*content.rate(SETPOINT.topic), "k-")
+    points.set(ylabel="messages/s", xlabel="time [s]", title="set points")
+    return _png(figure)
+
+
+def health(content: FlightContent) -> bytes:
+    """Ages of poses and neighbours, what was lost and dropped, and the mission's state; PNG."""
+    figure, (ages, losses, states) = _figure(9, 7, 3)
+    t_s = [t for t, _ in content.health]
+    ages.plot(t_s, [_number(values.get("pose_age_s")) for _, values in content.health], "k-", label="pose age")
+    names = sorted({name for _, values in content.health for name in values.get("neighbours", {})})
+    for name, style in zip(names, ("k--", "k:", "k-."), strict=False):
+        heard = [_number(values["neighbours"].get(name, {}).get("age_s")) for _, values in content.health]
+        ages.plot(t_s, heard, style, label=f"datagram of {name}")
+    ages.set(ylabel="age [s]", title="freshness")
+    ages.legend(fontsize=8)
+    for group, key, style in (("radio", "lost", "k-"), ("radio", "malformed", "k--"), ("recorder", "dropped", "k:")):
+        counted = [_number(values.get(group, {}).get(key)) for _, values in content.health]
+        losses.plot(t_s, counted, style, label=f"{group}: {key}")
+    losses.set(ylabel="count", title="lost, malformed and dropped since the start")
+    losses.legend(fontsize=8)
+    _state_line(states, content)
+    return _png(figure)
+
+
+def error_degrees(content: FlightContent) -> list[float]:
+    """Great circle between each estimate and the truth, along the horizon where a polar angle is not observable."""
+    errors = []
+    for one in content.iterations:
+        if one.estimate is None:
+            continue
+        truth = content.true_bearing(one)
+        if truth is None:
+            errors.append(math.nan)
+        elif not one.estimate.polar_observable:
+            errors.append(abs(math.degrees(math.remainder(one.estimate.azimuth_rad - truth[0], math.tau))))
+        else:
+            found = direction(one.estimate.azimuth_rad, one.estimate.polar_rad)
+            errors.append(math.degrees(float(great_circle(found, direction(*truth)))))
+    return errors
+
+
+def path_of(p_m: npt.NDArray[np.float64], bearings: Sequence[tuple[str, float]]) -> bytes:
+    """The path of a recording from above with one bearing a transmitter (name, azimuth [rad]); PNG."""
+    figure, (axes,) = _figure(6, 5.5)
+    axes.plot(p_m[:, 0], p_m[:, 1], "k-", linewidth=1.0, label="receiving robot")
+    axes.plot(*p_m[0, :2], "ko", label="start")
+    x, y = p_m[:, :2].mean(axis=0).tolist()
+    length = max(1.0, 1.5 * float(np.ptp(p_m[:, :2], axis=0).max()))
+    for name, azimuth in bearings:
+        tip = (x + length * math.cos(azimuth), y + length * math.sin(azimuth))
+        axes.annotate("", xy=tip, xytext=(x, y), arrowprops={"arrowstyle": "->", "color": "0.3"})
+        axes.annotate(name, tip, fontsize=9)
+        axes.plot(*tip, alpha=0)
+    axes.set(xlabel="East [m]", ylabel="North [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(fontsize=8)
+    return _png(figure)
+
+
+def _plot_truth(axes: Axes, content: FlightContent) -> None:
+    """The truth has an origin of its own: it is moved so that the vehicle's true and estimated places agree."""
+    t_s = (content.truth.t_ns + content.session.wall_minus_mono_ns - content.start_ns) / 1e9
+    shift = np.zeros(3)
+    if content.vehicle_m:
+        at = np.array(content.vehicle_t_s)
+        seen = np.stack([np.interp(at, t_s, content.truth.antenna_m[:, axis]) for axis in range(3)], axis=1)
+        shift = np.median(np.array(content.vehicle_m) - seen, axis=0)
+    for name, p_m in content.truth.peers_m.items():
+        moved = p_m + shift
+        axes.plot(moved[:, 0], moved[:, 1], "-", color="0.6", linewidth=3, label=f"{name} (truth)")
+        axes.plot(*moved[-1, :2], "kX", markersize=8)
+
+
+def _state_line(axes: Axes, content: FlightContent) -> None:
+    names = list(dict.fromkeys(["idle", *(state for _, state in content.states)]))
+    t_s = [0.0, *(t for t, _ in content.states), content.duration_s]
+    levels = [names.index(state) for state in ("idle", *(state for _, state in content.states))]
+    axes.step(t_s, [*levels, levels[-1]], "k-", where="post")
+    axes.set_yticks(range(len(names)), names)
+    axes.set(xlabel="time [s]", title="mission")
+
+
+def _figure(width: float, height: float, rows: int = 1) -> tuple[Figure, tuple[Axes, ...]]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = tuple(np.ravel(figure.subplots(rows, 1, sharex=rows > 1)))
+    for panel in panels:
+        panel.grid(color="0.9")
+    return figure, panels
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)

@@ -1,0 +1,35 @@
+"""A process that records at a flight's full rate until it is killed: `python -m tests.faults.recorder_process LOG`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from companion.clock import MonotonicClock
+from companion.config_file import load_config
+from companion.event_clock import EventClock
+from companion.messages import Pose, Setpoint, pose_bytes
+from companion.recorder import McapRecorder
+from companion.streams import CSI, POSE_IN, SETPOINT
+
+_CONFIG = Path(__file__).resolve().parents[2] / "configs" / "uav.yaml"
+
+
+def main() -> None:
+    clock = EventClock(MonotonicClock())
+    recorder = McapRecorder(Path(sys.argv[1]), load_config(_CONFIG), clock)
+    print("recording", flush=True)
+    pose = pose_bytes(Pose(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3))
+    start_ns = clock.now_ns()
+    for number in range(10**9):
+        time.sleep(max(0.0, (start_ns + number * 5_000_000 - clock.now_ns()) / 1e9))
+        with clock.event() as now_ns:
+            recorder.record(POSE_IN, now_ns, pose)
+            recorder.record(CSI, now_ns, b"\xbb" + number.to_bytes(4, "little") * 57)
+            if number % 10 == 0:
+                recorder.record(SETPOINT, now_ns, Setpoint(now_ns, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0))
+
+
+if __name__ == "__main__":
+    main()

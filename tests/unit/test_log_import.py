@@ -1,0 +1,79 @@
+"""Recorded runs as logs: imported, replayed and reported they give the bearings that `companion analyze` gives."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from companion.analysis import Options, analyze_run
+from companion.analysis_report import as_json
+from companion.cli import main
+from companion.log.recording import analyze_session, export_run, import_run
+from companion.log_reader import open_session
+from companion.recordings import Run, find_runs
+from tests.synthetic_run import RunFolder
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+ONE_OF_EACH_SET = (
+    "wsr_dataset_dev/LOS_Set_A",
+    "wsr_dataset_dev/LOS_Set_B",
+    "wsr_dataset_dev/NLOS_Set_A",
+    "wsr_dataset_dev/NLOS_Set_B",
+    "wsr_dataset_dev/NLOS_Set_C",
+    "wsr_3d",
+)
+
+
+def links(result: Any) -> list[dict[str, Any]]:
+    return as_json([result])["runs"][0]["links"]  # type: ignore[index, no-any-return]
+
+
+def test_a_run_comes_back_from_its_log_and_gives_the_same_bearing(run: RunFolder, tmp_path: Path) -> None:
+    (found,) = find_runs(run.folder)
+    log = tmp_path / "run.mcap"
+    import_run(found, log, Options())
+    assert links(analyze_session(open_session(log))) == links(analyze_run(found, Options()))
+    back, scene = export_run(open_session(log), tmp_path / "back")
+    assert back.rx is not None
+    assert found.rx is not None
+    assert back.rx.read_bytes() == found.rx.read_bytes()[: back.rx.stat().st_size]
+    assert (back.stamp, back.set_name, scene.problems) == (found.stamp, found.set_name, ())
+
+
+def test_the_commands_import_replay_and_report(
+    run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def cli(*arguments: str | Path) -> str:
+        monkeypatch.setattr(sys, "argv", ["companion", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        captured = capsys.readouterr()
+        assert not exit_.value.code, captured.err
+        return captured.out
+
+    cli("log", "import", run.folder, "--out", tmp_path / "logs")
+    (log,) = (tmp_path / "logs").iterdir()
+    cli("replay", log, "--json", tmp_path / "replay.json", "--out", tmp_path / "pictures")
+    (found,) = find_runs(run.folder)
+    content = json.loads((tmp_path / "replay.json").read_text())
+    assert content["runs"][0]["links"] == json.loads(json.dumps(links(analyze_run(found, Options()))))
+    assert list((tmp_path / "pictures").glob("*.png"))
+    cli("report", log, "-o", tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page
+    assert cli("log", "export", log, "--out", tmp_path / "files").count(".dat") >= 2
+
+
+@pytest.mark.parametrize("name", ONE_OF_EACH_SET)
+def test_a_run_of_each_public_set_gives_the_same_bearings(name: str, tmp_path: Path) -> None:
+    if not (DATA / name).is_dir():
+        pytest.skip(f"no recordings at {DATA / name}")
+    found: Run = find_runs(DATA / name)[0]
+    log = tmp_path / "run.mcap"
+    import_run(found, log, Options())
+    assert links(analyze_session(open_session(log))) == links(analyze_run(found, Options()))

@@ -1,0 +1,199 @@
+"""`companion log`: what a log holds, what is saved of a cut one, what other tools get, what is joined by time."""
+
+from __future__ import annotations
+
+import csv
+import json
+import struct
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from companion.cli import main
+from companion.errors import CompanionError
+from companion.log.merge import merge
+from companion.log.writer import LogWriter
+from companion.log_reader import LogScan, open_session
+from companion.streams import CSI, POSE_IN, VEHICLE
+from csi_bridge.dat import read_dat
+from tests.golden.golden_logs import GOLDEN
+
+FLIGHT = GOLDEN[0]
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["companion", *map(str, arguments)])
+        monkeypatch.chdir(tmp_path)
+        code: Any = 0
+        try:
+            main()
+        except SystemExit as exit_:
+            code = exit_.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+def test_info_tells_what_a_log_holds_and_that_one_is_cut(cli: Run, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(FLIGHT.read_bytes()[:400_000])
+    code, out, _ = cli("log", "info", FLIGHT, cut, "--json", tmp_path / "info.json")
+    assert code == 0
+    assert "whole" in out
+    assert "CUT OFF" in out
+    whole, half = json.loads((tmp_path / "info.json").read_text())
+    counts = {topic["topic"]: topic["messages"] for topic in whole["topics"]}
+    assert counts["/csi"] == sum(1 for _ in open_session(FLIGHT).messages({CSI.topic}))
+    assert 0 < sum(topic["messages"] for topic in half["topics"]) < sum(counts.values())
+    assert (whole["is_whole"], half["is_whole"]) == (True, False)
+
+
+def test_repair_makes_a_cut_log_whole_and_replayable(cli: Run, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(FLIGHT.read_bytes()[:700_000])
+    assert cli("log", "repair", cut)[0] == 0
+    saved = tmp_path / "cut.repaired.mcap"
+    scan = LogScan(saved)
+    messages = [message.data for message in scan]
+    assert scan.is_whole
+    assert messages == [message.data for message in LogScan(cut)]
+    assert open_session(saved).config() == open_session(FLIGHT).config()
+    code, _, err = cli("log", "repair", cut)
+    assert code == 1
+    assert "is there already" in err
+
+
+def test_a_cut_log_replays_as_far_as_it_goes(cli: Run, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(FLIGHT.read_bytes()[:800_000])
+    code, out, err = cli("replay", cut, "--check")
+    assert code == 0, out + err
+    assert "identical" in out
+
+
+def test_export_gives_other_tools_what_they_read(cli: Run, tmp_path: Path) -> None:
+    code, _, err = cli("log", "export", FLIGHT, "--out", tmp_path / "x")
+    assert code == 0, err
+    session = open_session(FLIGHT)
+    tum = np.loadtxt(tmp_path / "x" / "pose.tum")
+    assert tum.shape == (sum(1 for _ in session.messages({POSE_IN.topic})), 8)
+    np.testing.assert_allclose(np.linalg.norm(tum[:, 4:], axis=1), 1.0, atol=1e-6)
+    log = read_dat(tmp_path / "x" / "csi.dat")
+    assert len(log) == sum(1 for _ in session.messages({CSI.topic}))
+    with (tmp_path / "x" / "bearing.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    assert abs(float(rows[0]["estimate.azimuth_rad"])) < np.pi
+    arrays = np.load(tmp_path / "x" / "log.npz")
+    packets = int(rows[0]["estimate.packets"])
+    assert arrays["aperture_0_chi_m"].shape == (packets, 3)
+    assert arrays["aperture_0_channel"].dtype == complex
+    assert arrays["pose"].shape == (len(tum), 10)
+
+
+def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(cli: Run, tmp_path: Path) -> None:
+    session = open_session(FLIGHT)
+    beacon = tmp_path / "beacon.mcap"
+    shift_ns = 38_123_000_000  # its clock is elsewhere
+    with beacon.open("wb") as file:
+        writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
+        for message in session.messages({CSI.topic}):
+            t_ns = message.log_time_ns - shift_ns
+            writer.write(CSI, t_ns, t_ns, message.sequence, message.data)
+        writer.finish()
+    ulg = tmp_path / "flight.ulg"
+    boot_ns = _write_ulog(ulg, session)
+    out = tmp_path / "merged.mcap"
+    code, text, err = cli("log", "merge", FLIGHT, beacon, "--ulg", ulg, "--out", out)
+    assert code == 0, err
+    assert "+38.1230 s" in text
+    times: dict[str, list[int]] = {}
+    positions: dict[str, Any] = {}
+    for message in LogScan(out):
+        times.setdefault(message.topic, []).append(message.log_time_ns)
+        positions.setdefault(message.topic, message.data)
+    assert abs(times["/ground/csi"][0] - times["/csi"][0]) < 1_000_000
+    ours = {m.topic: m.log_time_ns for m in session.messages({VEHICLE.topic})}
+    assert times["/px4/vehicle_local_position"][-1] <= ours["/vehicle"] + 20_000_000
+    first = msgspec.json.decode(positions["/px4/vehicle_local_position"])
+    assert abs(first["timestamp"] * 1000 + boot_ns - times["/px4/vehicle_local_position"][0]) < 20_000_000
+    assert open_session(out).config() == session.config()
+    assert cli("log", "merge", FLIGHT, beacon, "--out", out)[0] == 1
+
+
+def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(cli: Run, tmp_path: Path) -> None:
+    other = tmp_path / "other.ulg"
+    _write_ulog(other, open_session(FLIGHT), scale=5.0)
+    with pytest.raises(CompanionError, match="not of this flight"):
+        merge(FLIGHT, (), other, tmp_path / "out.mcap")
+    (tmp_path / "no.ulg").write_bytes(b"nothing")
+    with pytest.raises(CompanionError, match=r"not a readable \.ulg"):
+        merge(FLIGHT, (), tmp_path / "no.ulg", tmp_path / "out.mcap")
+    code, _, err = cli("log", "merge", FLIGHT, "--out", tmp_path / "out.mcap")
+    assert code == 2
+    assert "needs no merging" in err
+
+
+def test_what_cannot_be_replayed_says_why(cli: Run, tmp_path: Path) -> None:
+    beacon = tmp_path / "beacon.mcap"
+    metadata = dict(open_session(FLIGHT).metadata)
+    config = json.loads(metadata["config"]) | {"role": "beacon"}
+    with beacon.open("wb") as file:
+        LogWriter(file, metadata | {"config": json.dumps(config)}).finish()
+    code, _, err = cli("replay", beacon)
+    assert code == 1
+    assert "holds no decisions" in err
+    code, _, err = cli("replay", FLIGHT, "--speed", "-2")
+    assert code == 2
+    assert "positive factor" in err
+    code, _, err = cli("replay", tmp_path / "none.mcap")
+    assert code == 1
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_another_configuration_is_set_beside_the_flown_one(cli: Run, tmp_path: Path) -> None:
+    config = json.loads(open_session(FLIGHT).metadata["config"])
+    config["aperture"]["estimator"] = "bartlett"
+    other = tmp_path / "other.yaml"
+    other.write_text(json.dumps(config))
+    code, text, err = cli("replay", FLIGHT, "--config", other, "--out", tmp_path / "o", "--json", tmp_path / "c.json")
+    assert code == 0, err
+    rows = json.loads((tmp_path / "c.json").read_text())["comparison"]
+    assert len(rows) >= 3
+    assert all(row["moved_deg"] is not None and row["moved_deg"] < 40 for row in rows[:3])
+    assert any(row["moved_deg"] > 0.01 for row in rows)
+    assert "open loop" in text
+    assert (tmp_path / "o" / "comparison.png").read_bytes().startswith(b"\x89PNG")
+    assert open_session(tmp_path / "o" / "replay.mcap").metadata["role"] == "replay"
+
+
+def _write_ulog(path: Path, session: Any, scale: float = 1.0) -> int:
+    """The vehicle's positions as PX4 logs them, NED, on a clock of its own; wall time of its boot."""
+    rows = []
+    for message in session.messages({VEHICLE.topic}):
+        state = msgspec.json.decode(message.data)
+        if state["p_local_enu_m"] is not None:
+            rows.append((state["position_mono_ns"] + session.wall_minus_mono_ns, state["p_local_enu_m"]))
+    boot_ns = rows[0][0] - 5_000_000_000
+    content = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
+    layout = b"vehicle_local_position:uint64_t timestamp;float x;float y;float z;"
+    name = b"vehicle_local_position"
+    content += _ulog_message(b"F", layout) + _ulog_message(b"A", struct.pack("<BH", 0, 0) + name)
+    for t_ns, (east, north, up) in rows:
+        values = (t_ns - boot_ns) // 1000, north * scale, east * scale, -up * scale
+        content += _ulog_message(b"D", struct.pack("<HQfff", 0, *values))
+    path.write_bytes(content)
+    return int(boot_ns)
+
+
+def _ulog_message(kind: bytes, body: bytes) -> bytes:
+    return struct.pack("<H", len(body)) + kind + body
