@@ -57,7 +57,7 @@ def bartlett_profile_oracle(
 def profile_variance(profile: Profile, azimuth_rad: float, polar_rad: float) -> float:
     """Spread of a profile about its peak over that of a profile without one: the confidence of the WSR Toolbox.
 
-    sum F d^2 / sum F over mean d^2, d^2 = (azimuth difference)^2 + (polar difference)^2, on the grid and with none of the
+    sum F d^2 / sum F over mean d^2, d^2 = (azimuth difference)^2 + (polar difference)^2, on the grid, with none of the
     sphere's weights; low where the power is in one place. (The toolbox divides by sum F once more, which depends on the
     number of packets alone in its normalisation and on nothing in this one.)
     """
