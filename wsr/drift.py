@@ -31,7 +31,7 @@ _REACH_RAD, _STEP_RAD = math.radians(12.0), math.radians(2.0)
 _ROUNDS, _STEPS_A_ROUND = 3, 4
 _EXPLAINED = 0.5
 # What it may cost of the bound of the direction before geometry is said not to tell the two apart.
-_MAX_LOSS = 4.0
+_MAX_LOSS = 10.0
 
 Array = NDArray[np.float64]
 
@@ -78,10 +78,12 @@ def find_drift(
 
 def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus) -> bool:
     """Whether bins x (B, 3) tell a linear phase over tau (B,) from a direction."""
-    alone = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False)
-    both = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False, nuisance=tau)
-    angles_ = np.diag(both)[:2] <= _MAX_LOSS**2 * np.diag(alone)[:2]
-    return bool(np.isfinite(np.diag(alone)[:2]).all() and angles_.all())
+    alone = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False)[:2, :2]
+    both = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False, nuisance=tau)[:2, :2]
+    if not (np.isfinite(np.diag(alone)).all() and np.isfinite(np.diag(both)).all()):
+        return False
+    # In the direction across which it costs most: neither angle need show it where both are hardly known.
+    return float(np.max(np.linalg.eigvals(np.linalg.solve(alone, both)).real)) <= _MAX_LOSS**2
 
 
 def turned(parts: SubApertures, tau: Array, turns: float) -> SubApertures:

@@ -9,6 +9,7 @@ it, which is more than the noise of a strong signal.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,11 @@ from wsr.geometry import direction
 from wsr.subapertures import SubApertures
 from wsr.uncertainty import phase_slopes
 
-_STEPS = 5
-_MAX_STEP_RAD = math.radians(0.5)
-_MAX_RANGE_SHARE = 0.3
+_STEPS = 10
+# Direction and range may lie along a valley of the coarse search, some degrees and half the range away.
+_REACH_RAD = math.radians(3.0)
+_REACH_RANGE = 3.0
+_MAX_RANGE_STEP = 0.3
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -47,8 +50,9 @@ def most_likely(
     parts: SubApertures, x_m: Array, segment: NDArray[np.int64], focus: Focus, nuisance: Array | None = None
 ) -> Focus:
     """The focus moved to the maximum next to it; `nuisance` (B,): beside a phase of this form and any size. As it is
-    where the way there leads too far: geometry then does not determine all that is sought."""
+    where the way there leads too far, or not up: geometry then does not determine all that is sought."""
     azimuth, polar, range_m = focus.azimuth_rad, focus.polar_rad, focus.range_m
+    power = float(matched(parts, x_m, segment, focus).real.sum())
     for _ in range(_STEPS):
         here = Focus(azimuth, polar, range_m, focus.coherence, focus.delay_ns)
         m = matched(parts, x_m, segment, here)
@@ -58,17 +62,21 @@ def most_likely(
         weight = np.maximum(m.real, 0.0)
         slopes = slopes - (weight @ slopes) / max(float(weight.sum()), 1e-300)
         step = -np.linalg.lstsq(slopes.T @ (weight[:, None] * slopes), slopes.T @ m.imag, rcond=1e-10)[0]
+        if range_m is not None:
+            step *= min(1.0, _MAX_RANGE_STEP * range_m / max(abs(float(step[2])), 1e-12))
+            range_m += float(step[2])
         azimuth, polar = azimuth + float(step[0]), polar + float(step[1])
-        range_m = None if range_m is None else range_m + float(step[2])
         if not _is_near(focus, azimuth, polar, range_m):
             return focus
-    return Focus(azimuth, polar, range_m, focus.coherence, focus.delay_ns)
+    found = Focus(azimuth, polar, range_m, focus.coherence, focus.delay_ns)
+    gain = float(matched(parts, x_m, segment, found).real.sum()) / max(power, 1e-300)
+    return replace(found, coherence=focus.coherence * gain) if gain >= 1.0 else focus
 
 
 def _is_near(focus: Focus, azimuth: float, polar: float, range_m: float | None) -> bool:
     across = abs(azimuth - focus.azimuth_rad) * math.sin(focus.polar_rad)
-    if not (across < _MAX_STEP_RAD and abs(polar - focus.polar_rad) < _MAX_STEP_RAD and 0.0 < polar < math.pi):
+    if not (across < _REACH_RAD and abs(polar - focus.polar_rad) < _REACH_RAD and 0.0 < polar < math.pi):
         return False
     if range_m is None or focus.range_m is None:
         return True
-    return abs(range_m / focus.range_m - 1.0) < _MAX_RANGE_SHARE
+    return 1.0 / _REACH_RANGE < range_m / focus.range_m < _REACH_RANGE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from companion.analysis import Options, analyze_run
 from companion.cli import program
 from companion.errors import CompanionError
-from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, evaluation, risk_coverage
+from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, evaluation, risk_coverage, trust
+from companion.recordings import find_runs
+from companion.trajectories import PoseKind
 from tests.synthetic_run import write_run
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile, profile_variance
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "wsr_dataset_dev"
+SPATIAL = DATA.parent / "wsr_3d"
 
 
 def row(set_name: str, error_deg: float, reliability: float = 0.9, reason: str = "") -> LinkRow:
@@ -81,3 +87,51 @@ def test_line_of_sight_with_motion_capture_stays_under_two_degrees(tmp_path: Pat
         assert figures["n"] == 18
         assert figures["median_deg"] < 2.0
         assert figures["within_10"] == 1.0
+
+
+def test_trust_compares_the_reliability_with_the_profile_variance() -> None:
+    rows = [replace(row("A", error, 1 - error / 100), profile_variance=1 / error) for error in (40.0, 2.0, 10.0, 4.0)]
+    result = trust(rows)
+    assert result.area_reliability_deg == pytest.approx(np.mean([2.0, 3.0, 16 / 3, 14.0]))
+    assert result.area_profile_variance_deg == pytest.approx(np.mean([40.0, 25.0, 18.0, 14.0]))
+    assert (result.best_half.n, result.best_half.mean_deg) == (2, 3.0)
+    assert result.reliable == 3
+    assert result.reliable_within_3_std == pytest.approx(1 / 3)
+
+
+def test_profile_variance_is_one_without_a_peak_and_small_with_one() -> None:
+    flat = Profile(np.ones((180, 360), np.float32), AZIMUTH_RAD, POLAR_RAD)
+    assert profile_variance(flat, 0.3, POLAR_RAD[90]) == pytest.approx(1.0, rel=1e-3)
+    peaked = Profile(np.full((180, 360), 1e-9, np.float32), AZIMUTH_RAD, POLAR_RAD)
+    peaked.power[90, 20] = 1.0
+    assert profile_variance(peaked, AZIMUTH_RAD[20], POLAR_RAD[90]) < 0.01
+
+
+@pytest.mark.parametrize("poses", ["mocap", "t265"])
+def test_reliability_is_calibrated_and_better_than_the_profile_variance(tmp_path: Path, poses: str) -> None:
+    if not DATA.is_dir():
+        pytest.skip(f"no real captures at {DATA}")
+    done = evaluate(DATA, "--poses", poses, "--json", tmp_path / "r.json")
+    assert done.exit_code == 0, done.output
+    result = json.loads((tmp_path / "r.json").read_text())
+    worth, everything = result["trust"], result["sets"][ALL]
+    print(worth)
+    assert worth["reliable"] >= 10
+    assert worth["reliable_within_3_std"] >= 0.9
+    assert worth["area_reliability_deg"] < worth["area_profile_variance_deg"]
+    assert worth["best_half"]["median_deg"] < everything["median_deg"]
+    assert worth["best_half"]["mean_deg"] < everything["mean_deg"]
+
+
+def test_spatial_runs_give_both_transmitters_within_five_degrees() -> None:
+    if not SPATIAL.is_dir():
+        pytest.skip(f"no real captures at {SPATIAL}")
+    links = [link for run in find_runs(SPATIAL) for link in analyze_run(run, Options(kind=PoseKind.MOCAP)).links]
+    assert len(links) == 6
+    for link in links:
+        assert link.estimate is not None
+        assert link.truth is not None
+        assert link.azimuth_error_rad is not None, link.notes
+        assert link.great_circle_error_rad is not None, link.notes
+        assert abs(link.azimuth_error_rad) < np.radians(5)
+        assert abs(link.estimate.polar_rad - link.truth.polar_rad) < np.radians(5)
