@@ -115,7 +115,7 @@ class _Autopilot:
 
 
 class _Worker:
-    """Answers each aperture at the next tick with a direction that turns by 60 degrees each time."""
+    """Answers each aperture at the next tick; directions turn by the golden angle, so that they never agree on a place."""
 
     def __init__(self) -> None:
         self.ready = asyncio.Event()
@@ -124,7 +124,7 @@ class _Worker:
         self.submitted = 0
 
     def submit(self, peer: int, aperture: Aperture) -> int:
-        azimuth = math.remainder(math.radians(60.0 * self.submitted), math.tau)
+        azimuth = math.remainder(math.radians(137.508 * self.submitted), math.tau)
         infinite = ((1e-3, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.inf))
         place = (0.0, 0.0, 0.0)
         estimate = AoaEstimate(
