@@ -115,7 +115,7 @@ class _Autopilot:
 
 
 class _Worker:
-    """Answers each aperture at the next tick; directions turn by the golden angle, so that they never agree on a place."""
+    """Answers each aperture at the next tick; directions turn by the golden angle: they never agree."""
 
     def __init__(self) -> None:
         self.ready = asyncio.Event()
