@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
-from companion.exchanges import Exchanges, damage, join, read_log, senders, transmitter_mac
+from companion.exchanges import damage, join, read_log, senders, transmitter_mac
 from companion.messages import Vector3
 from companion.recordings import KNOWN_TRANSMITTERS, RecordingError, Run, Truth, read_truth
 from companion.trajectories import PoseKind, Trajectory, read_trajectory
@@ -124,23 +124,39 @@ class _Scene:
     mocap: Trajectory | None
     truth: Truth | None
     wavelength_m: float
-    estimator: Estimator
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Joined:
+    """A link before its estimate: the aperture and its packets' times (M,), or None where `result` says why not."""
+
+    result: LinkResult
+    aperture: Aperture | None = None
+    t_s: npt.NDArray[np.float64] | None = None
 
 
 def analyze_run(run: Run, options: Options) -> RunResult:
     """Every transmitter of a run. Problems of single files are in the result; nothing is raised for them."""
+    return analyze_run_with(run, options, [_estimator(options)])[0]
+
+
+def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunResult]:
+    """As `analyze_run`, one result for each of `estimators`; the files are read and joined once."""
     kind = options.kind or next((kind for kind in PoseKind if kind in run.trajectories), None)
     problems = list(_missing(run, kind, options.kind))
     try:
         scene = _scene(run, kind, options, problems)
     except _MissingFile:
-        return RunResult(run, kind, (), tuple(problems))
+        return [RunResult(run, kind, (), tuple(problems))] * len(estimators)
     except CompanionError as error:
-        return RunResult(run, kind, (), (*problems, str(error)))
+        return [RunResult(run, kind, (), (*problems, str(error)))] * len(estimators)
     problems += _without_log(run, scene.rx, options)
     chosen = [name for name in sorted(run.tx) if not options.macs or name in options.macs]
-    links = tuple(_link(scene, name, run.tx[name], options.macs.get(name)) for name in chosen)
-    return RunResult(run, kind, links, tuple(problems))
+    joined = [_joined(scene, name, run.tx[name], options.macs.get(name)) for name in chosen]
+    return [
+        RunResult(run, kind, tuple(_estimated(scene, link, estimator) for link in joined), tuple(problems))
+        for estimator in estimators
+    ]
 
 
 class _MissingFile(CompanionError):
@@ -183,7 +199,7 @@ def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str
     mocap = _mocap(run, trajectory, problems)
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
-    return _Scene(rx, trajectory, p_antenna_m, mocap, truth, wavelength, _estimator(options))
+    return _Scene(rx, trajectory, p_antenna_m, mocap, truth, wavelength)
 
 
 def _estimator(options: Options) -> Estimator:
@@ -256,7 +272,7 @@ def _without_log(run: Run, rx: CsiLog, options: Options) -> Iterator[str]:
             yield f"{rx.path}: no packets of {mac}; senders heard: {', '.join(heard) or 'none'}"
 
 
-def _link(scene: _Scene, name: str, path: Path, given_mac: str | None) -> LinkResult:
+def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joined:
     result = LinkResult(name)
     try:
         tx = read_log(path)
@@ -265,33 +281,39 @@ def _link(scene: _Scene, name: str, path: Path, given_mac: str | None) -> LinkRe
         assert result.mac is not None
         exchanges = join(scene.rx, tx, result.mac)
         result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped)
-        return _estimated(scene, exchanges, result)
-    except (CompanionError, ApertureError) as error:
-        return replace(result, problem=str(error))
-
-
-def _estimated(scene: _Scene, exchanges: Exchanges, result: LinkResult) -> LinkResult:
-    p_m, inside = interpolate(exchanges.t_s, scene.trajectory.t_s, scene.p_antenna_m, _MAX_POSE_GAP_S)
-    if not np.any(inside):
-        raise RecordingError(
-            f"{scene.trajectory.path}: has no poses less than {_MAX_POSE_GAP_S} s apart while {result.name} was heard"
+        p_m, inside = interpolate(exchanges.t_s, scene.trajectory.t_s, scene.p_antenna_m, _MAX_POSE_GAP_S)
+        if not np.any(inside):
+            raise RecordingError(
+                f"{scene.trajectory.path}: has no poses less than {_MAX_POSE_GAP_S} s apart while {name} was heard"
+            )
+        outside = int(np.count_nonzero(~inside))
+        result = replace(result, dropped={**exchanges.dropped, **({OUTSIDE: outside} if outside else {})})
+        t_s = exchanges.t_s[inside]
+        aperture = make_aperture(
+            t_s,
+            p_m[inside],
+            exchanges.channel[inside],
+            scene.wavelength_m,
+            forward=exchanges.forward[inside],
+            reverse=exchanges.reverse[inside],
+            nic_us=exchanges.nic_us[inside],
         )
-    outside = int(np.count_nonzero(~inside))
-    result = replace(result, dropped={**exchanges.dropped, **({OUTSIDE: outside} if outside else {})})
-    t_s = exchanges.t_s[inside]
-    aperture = make_aperture(
-        t_s,
-        p_m[inside],
-        exchanges.channel[inside],
-        scene.wavelength_m,
-        forward=exchanges.forward[inside],
-        reverse=exchanges.reverse[inside],
-        nic_us=exchanges.nic_us[inside],
-    )
-    estimate, profile = scene.estimator.estimate(aperture)
+    except (CompanionError, ApertureError) as error:
+        return _Joined(replace(result, problem=str(error)))
+    return _Joined(result, aperture, t_s)
+
+
+def _estimated(scene: _Scene, joined: _Joined, estimator: Estimator) -> LinkResult:
+    result, aperture = joined.result, joined.aperture
+    if aperture is None or joined.t_s is None:
+        return result
+    try:
+        estimate, profile = estimator.estimate(aperture)
+    except ApertureError as error:
+        return replace(result, problem=str(error))
     notes = (*result.notes, *_doubts(aperture, estimate))
     offset_m = np.subtract(estimate.reference_p_m, aperture.reference_p_m)
-    truth = _true_bearing(scene, result.name, t_s, offset_m)
+    truth = _true_bearing(scene, result.name, joined.t_s, offset_m)
     return replace(result, estimate=estimate, profile=profile, truth=truth, notes=notes)
 
 

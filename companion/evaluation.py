@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.analysis import LinkResult, Options, RunResult, analyze_run
+from companion.analysis import LinkResult, Options, RunResult, analyze_run, analyze_run_with
 from companion.recordings import Run
+from wsr.aoa import Estimator
 from wsr.profile import profile_variance
 
 ALL = "all"
@@ -93,7 +94,17 @@ class Evaluation:
 
 def evaluate_run(run: Run, options: Options) -> tuple[list[LinkRow], list[LeftOut]]:
     """The rows of one run. Pure but for reading its files, so runs can be shared out to processes."""
-    result = analyze_run(run, options)
+    return _rows(run, options, analyze_run(run, options))
+
+
+def evaluate_run_with(
+    run: Run, options: Options, estimators: Sequence[Estimator]
+) -> list[tuple[list[LinkRow], list[LeftOut]]]:
+    """As `evaluate_run`, for each of `estimators`; the files are read once."""
+    return [_rows(run, options, result) for result in analyze_run_with(run, options, estimators)]
+
+
+def _rows(run: Run, options: Options, result: RunResult) -> tuple[list[LinkRow], list[LeftOut]]:
     if result.links:
         rows = [_row(run, link) for link in result.links if link.truth is not None or link.estimate is None]
         untrue = [link for link in result.links if link.truth is None and link.estimate is not None]
