@@ -14,7 +14,7 @@ import numpy.typing as npt
 from companion.errors import CompanionError
 from companion.exchanges import damage, join, read_log, senders, transmitter_mac
 from companion.messages import Vector3
-from companion.recordings import KNOWN_TRANSMITTERS, RecordingError, Run, Truth, read_truth
+from companion.recordings import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Truth, read_truth
 from companion.trajectories import PoseKind, Trajectory, read_trajectory
 from csi_bridge.dat import CsiLog
 from wsr.aoa import AoaEstimate, Estimator
@@ -32,6 +32,7 @@ OUTSIDE: Final = "outside trajectory"
 _MAX_POSE_GAP_S: Final = 0.25
 _MAX_DISAGREEMENT_M: Final = 0.1
 _MIN_RELIABILITY: Final = 0.1
+_MIN_SEEN: Final = 0.8
 
 NO_LEVER: Final[Vector3] = (0.0, 0.0, 0.0)
 DEFAULT_LEVERS_M: Final[Mapping[PoseKind, Vector3]] = {
@@ -64,6 +65,8 @@ class LinkResult:
     profile: Profile | None = None
     truth: Bearing | None = None
     """From the estimate's own reference point, where that is known in the frame of the true positions."""
+    truth_problem: str | None = None
+    """Why there is no truth beside an estimate."""
     problem: str | None = None
     notes: tuple[str, ...] = ()
     """What to know about its log and its estimate, where there is one."""
@@ -91,12 +94,21 @@ class LinkResult:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What one run gave, and what is wrong with its files."""
+    """What one run gave. Without links either files are `missing` or there is a `failure`."""
 
     run: Run
     kind: PoseKind | None
     links: tuple[LinkResult, ...] = ()
+    missing: tuple[str, ...] = ()
+    """Files that are not there, and so the links that need them are not either."""
     problems: tuple[str, ...] = ()
+    """What is wrong with files that are used all the same."""
+    failure: str | None = None
+    """Why no link could be tried, though all files are there."""
+    truth_problem: str | None = None
+    """Why no link has a truth."""
+    lever_m: Vector3 = NO_LEVER
+    """Of the antenna, as used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +124,8 @@ class Options:
     """One of `wsr.estimators.ESTIMATORS`."""
     robust: RobustOptions = field(default_factory=RobustOptions)
     """Switches of `robust`, where that is the estimator."""
+    as_sent: bool = True
+    """The transmitter's channels as its datagrams would have brought them; else as its card reported them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,8 +136,11 @@ class _Scene:
     trajectory: Trajectory
     p_antenna_m: npt.NDArray[np.float64]
     mocap: Trajectory | None
+    place_problem: str
+    """Why there is no motion capture; empty where there is."""
     truth: Truth | None
     wavelength_m: float
+    as_sent: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,33 +160,44 @@ def analyze_run(run: Run, options: Options) -> RunResult:
 def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunResult]:
     """As `analyze_run`, one result for each of `estimators`; the files are read and joined once."""
     kind = options.kind or next((kind for kind in PoseKind if kind in run.trajectories), None)
-    problems = list(_missing(run, kind, options.kind))
+    missing = tuple(_missing(run, kind, options.kind))
+    lever_m = _lever(kind, options)
+    if run.rx is None or kind is None or missing:
+        return [RunResult(run, kind, missing=missing, lever_m=lever_m)] * len(estimators)
+    problems = list(_second_choice(run, kind, options.kind))
+    truth, truth_problem = _truth(run)
+    if run.truth is not None and truth_problem is not None:
+        problems.append(truth_problem)
     try:
-        scene = _scene(run, kind, options, problems)
-    except _MissingFile:
-        return [RunResult(run, kind, (), tuple(problems))] * len(estimators)
+        scene = _scene(run, run.rx, kind, options, truth, problems)
     except CompanionError as error:
-        return [RunResult(run, kind, (), (*problems, str(error)))] * len(estimators)
-    problems += _without_log(run, scene.rx, options)
+        failed = RunResult(
+            run, kind, problems=tuple(problems), failure=str(error), truth_problem=truth_problem, lever_m=lever_m
+        )
+        return [failed] * len(estimators)
+    missing = tuple(_without_log(run, scene.rx, options))
     chosen = [name for name in sorted(run.tx) if not options.macs or name in options.macs]
     joined = [_joined(scene, name, run.tx[name], options.macs.get(name)) for name in chosen]
     return [
-        RunResult(run, kind, tuple(_estimated(scene, link, estimator) for link in joined), tuple(problems))
+        RunResult(
+            run,
+            kind,
+            tuple(_estimated(scene, link, estimator) for link in joined),
+            missing,
+            tuple(problems),
+            truth_problem=truth_problem,
+            lever_m=lever_m,
+        )
         for estimator in estimators
     ]
 
 
-class _MissingFile(CompanionError):
-    """A file without which nothing can be done; `_missing` has reported it."""
-
-
 def _missing(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> Iterator[str]:
+    """Files without which nothing can be done."""
     if run.rx is None:
         yield f"{run.folder}: csi_rx_{run.stamp}.dat is missing"
     if kind is None:
         yield f"{run.folder}: no trajectory of {run.stamp}, expected rx_trajectory_{run.stamp}_.csv or a T265's"
-    elif wanted is None and kind is not PoseKind.MOCAP and not run.loose:
-        yield f"{run.folder}: rx_trajectory_{run.stamp}_.csv is missing (motion capture); {kind} is used"
     elif kind not in run.trajectories:
         available = ", ".join(run.trajectories) or "none"
         yield f"{run.folder}: no {kind} trajectory of {run.stamp} (available: {available})"
@@ -177,12 +205,26 @@ def _missing(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> Iterat
         yield f"{run.folder}: no csi_tx<n>_{run.stamp}.dat of any transmitter"
 
 
-def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str]) -> _Scene:
-    if run.rx is None or kind is None or kind not in run.trajectories or not run.tx:
-        raise _MissingFile("files are missing")
-    rx = read_log(run.rx)
+def _second_choice(run: Run, kind: PoseKind, wanted: PoseKind | None) -> Iterator[str]:
+    if wanted is None and kind is not PoseKind.MOCAP and not run.loose:
+        yield f"{_mocap_name(run)} is missing (motion capture); {kind} is used"
+
+
+def _mocap_name(run: Run) -> str:
+    return f"{run.folder}: rx_trajectory_{run.stamp}_.csv"
+
+
+def _lever(kind: PoseKind | None, options: Options) -> Vector3:
+    if options.lever_m is not None:
+        return options.lever_m
+    return NO_LEVER if kind is None else DEFAULT_LEVERS_M[kind]
+
+
+def _scene(
+    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Truth | None, problems: list[str]
+) -> _Scene:
+    rx = read_log(rx_path)
     problems += damage(rx)
-    truth = _truth(run, problems)
     channel = truth.channel if options.channel is None and truth is not None else options.channel
     if truth is not None and channel != truth.channel:
         problems.append(f"{truth.path}: says channel {truth.channel}, but {channel} was given and is used")
@@ -195,11 +237,11 @@ def _scene(run: Run, kind: PoseKind | None, options: Options, problems: list[str
     trajectory = read_trajectory(run.trajectories[kind], kind)
     problems += trajectory.problems
     _check_overlap(trajectory, rx.host_time_s, rx.path)
-    p_antenna_m = _antenna(trajectory, DEFAULT_LEVERS_M[kind] if options.lever_m is None else options.lever_m)
-    mocap = _mocap(run, trajectory, problems)
+    p_antenna_m = _antenna(trajectory, _lever(kind, options))
+    mocap, place_problem = _mocap(run, trajectory, problems)
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
-    return _Scene(rx, trajectory, p_antenna_m, mocap, truth, wavelength)
+    return _Scene(rx, trajectory, p_antenna_m, mocap, place_problem, truth, wavelength, options.as_sent)
 
 
 def _estimator(options: Options) -> Estimator:
@@ -218,14 +260,14 @@ def _check_overlap(trajectory: Trajectory, packet_t_s: npt.NDArray[np.float64], 
         raise RecordingError(f"{trajectory.path}: no time overlap: the trajectory {apart} the packets of {path.name}")
 
 
-def _truth(run: Run, problems: list[str]) -> Truth | None:
+def _truth(run: Run) -> tuple[Truth | None, str | None]:
+    """The truth, or why there is none."""
     if run.truth is None:
-        return None
+        return None, f"{run.folder}: {TRUTH_NAME} is missing, here and in the folder above"
     try:
-        return read_truth(run.truth)
+        return read_truth(run.truth), None
     except RecordingError as error:
-        problems.append(str(error))
-        return None
+        return None, str(error)
 
 
 def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64]:
@@ -236,18 +278,18 @@ def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64
     return antenna_positions(trajectory.p_enu_m, trajectory.q_wxyz, np.array(lever_m))
 
 
-def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> Trajectory | None:
-    """Motion capture, for the reference point of the truth only."""
+def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> tuple[Trajectory | None, str]:
+    """Motion capture, for the reference point of the truth only, or why there is none."""
     if trajectory.origin_is_true:
-        return trajectory
+        return trajectory, ""
     path = run.trajectories.get(PoseKind.MOCAP)
     if path is None:
-        return None
+        return None, f"{_mocap_name(run)} is missing (motion capture)"
     try:
-        return read_trajectory(path, PoseKind.MOCAP)
+        return read_trajectory(path, PoseKind.MOCAP), ""
     except CompanionError as error:
         problems.append(str(error))
-        return None
+        return None, str(error)
 
 
 def _disagreement(trajectory: Trajectory, p_m: npt.NDArray[np.float64], mocap: Trajectory) -> Iterator[str]:
@@ -279,7 +321,7 @@ def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joi
         result = replace(result, notes=tuple(damage(tx)))
         result = replace(result, mac=transmitter_mac(name, scene.rx, tx, given_mac))
         assert result.mac is not None
-        exchanges = join(scene.rx, tx, result.mac)
+        exchanges = join(scene.rx, tx, result.mac, scene.as_sent)
         result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped)
         p_m, inside = interpolate(exchanges.t_s, scene.trajectory.t_s, scene.p_antenna_m, _MAX_POSE_GAP_S)
         if not np.any(inside):
@@ -313,8 +355,11 @@ def _estimated(scene: _Scene, joined: _Joined, estimator: Estimator) -> LinkResu
         return replace(result, problem=str(error))
     notes = (*result.notes, *_doubts(aperture, estimate))
     offset_m = np.subtract(estimate.reference_p_m, aperture.reference_p_m)
-    truth = _true_bearing(scene, result.name, joined.t_s, offset_m)
-    return replace(result, estimate=estimate, profile=profile, truth=truth, notes=notes)
+    result = replace(result, estimate=estimate, profile=profile, notes=notes)
+    try:
+        return replace(result, truth=_true_bearing(scene, result.name, joined.t_s, offset_m))
+    except _UnknownTruth as error:
+        return replace(result, truth_problem=str(error))
 
 
 def _doubts(aperture: Aperture, estimate: AoaEstimate) -> Iterator[str]:
@@ -337,16 +382,25 @@ def _unobservable_because(aperture: Aperture, estimate: AoaEstimate) -> str:
     return f"known to {math.degrees(estimate.azimuth_std_rad):.0f} deg only on this path"
 
 
-def _true_bearing(
-    scene: _Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]
-) -> Bearing | None:
+class _UnknownTruth(CompanionError):
+    """Where the two robots were is not known."""
+
+
+def _true_bearing(scene: _Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]) -> Bearing:
     """From the estimate's reference point: the mean true position at the packets plus `offset_m`, which is how far the
-    estimator's weights move it."""
-    if scene.truth is None or scene.mocap is None or name not in scene.truth.transmitters:
-        return None
+    estimator's weights move it. Raises _UnknownTruth."""
+    if scene.truth is None:
+        raise _UnknownTruth("no true positions")
+    if name not in scene.truth.transmitters:
+        raise _UnknownTruth(f"{scene.truth.path}: has no position of {name}")
+    if scene.mocap is None:
+        raise _UnknownTruth(f"the receiver's true place is not known: {scene.place_problem}")
     p_m, inside = interpolate(t_s, scene.mocap.t_s, scene.mocap.p_enu_m, _MAX_POSE_GAP_S)
     # A few packets at the ends that motion capture missed do not move the mean; many would.
-    if np.count_nonzero(inside) < 0.8 * len(t_s):
-        return None
+    seen = np.count_nonzero(inside)
+    if seen < _MIN_SEEN * len(t_s):
+        raise _UnknownTruth(
+            f"the receiver's true place is not known: {scene.mocap.path}: has poses at {seen} of {len(t_s)} packets"
+        )
     azimuth_rad, polar_rad = angles(scene.truth.transmitters[name] - p_m[inside].mean(axis=0) - offset_m)
     return Bearing(float(azimuth_rad), float(polar_rad))

@@ -11,7 +11,9 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from companion.analysis import LinkResult, RunResult
+from companion.analysis import DEFAULT_LEVERS_M, NO_LEVER, LinkResult, RunResult
+from companion.messages import Vector3
+from companion.trajectories import PoseKind
 
 Json = dict[str, object]
 
@@ -33,8 +35,12 @@ class SetSummary:
 
 
 def run_table(result: RunResult) -> Table:
-    """One row per transmitter; elevation is the polar angle from Up."""
-    table = Table(title=Text(f"{result.run.title}  ({result.kind})"), title_justify="left", title_style="bold")
+    """One row per transmitter."""
+    table = Table(
+        title=Text(f"{result.run.title}  ({result.kind}); azimuth from East, polar angle from Up"),
+        title_justify="left",
+        title_style="bold",
+    )
     for name, justify in _COLUMNS:
         table.add_column(name, justify=justify, no_wrap=name != "dropped")  # type: ignore[arg-type]
     for link in result.links:
@@ -44,11 +50,25 @@ def run_table(result: RunResult) -> Table:
 
 def problem_lines(result: RunResult) -> list[str]:
     """One line for each thing that is wrong with a run or its links."""
-    lines = list(result.problems)
+    lines = _run_problems(result)
     for link in result.links:
         said = link.notes if link.problem is None else (*link.notes, link.problem)
         lines += [f"{link.name}: {text}" for text in said]
     return list(dict.fromkeys(lines))
+
+
+def note_lines(result: RunResult) -> list[str]:
+    """What was assumed."""
+    if result.kind is not PoseKind.ODOM or result.lever_m == NO_LEVER:
+        return []
+    return [lever_line(result.lever_m)]
+
+
+def lever_line(lever_m: Vector3) -> str:
+    """Where the antenna is taken to be."""
+    forward_m, left_m, up_m = lever_m
+    whose = "that of the WSR robot; --lever gives another" if lever_m == DEFAULT_LEVERS_M[PoseKind.ODOM] else "as given"
+    return f"antenna {forward_m:g} m forward, {left_m:g} m left, {up_m:g} m up of the tracked point ({whose})"
 
 
 def summarise(results: Sequence[RunResult]) -> list[SetSummary]:
@@ -73,7 +93,8 @@ def summary_table(summaries: Sequence[SetSummary]) -> Table:
 
 
 def as_json(results: Sequence[RunResult]) -> Json:
-    """The whole result; angles in degrees, None where there is no value or it is infinite."""
+    """The whole result; angles in degrees, None where there is no value or it is infinite. Polar angles are from Up, as
+    in the paper, and elevations above the horizon: 90 degrees less the polar angle."""
     return {
         "runs": [_run_json(result) for result in results],
         "sets": [
@@ -93,9 +114,9 @@ def as_json(results: Sequence[RunResult]) -> Json:
 _COLUMNS = (
     ("tx", "left"),
     ("azimuth", "right"),
-    ("elev. from Up", "right"),
+    ("polar", "right"),
     ("true az.", "right"),
-    ("true el.", "right"),
+    ("true polar", "right"),
     ("az. error", "right"),
     ("3D error", "right"),
     ("packets", "right"),
@@ -133,9 +154,14 @@ def _run_json(result: RunResult) -> Json:
         "set": result.run.set_name,
         "folder": str(result.run.folder),
         "poses": result.kind,
-        "problems": list(result.problems),
+        "lever_m": list(result.lever_m),
+        "problems": _run_problems(result),
         "links": [_link_json(link) for link in result.links],
     }
+
+
+def _run_problems(result: RunResult) -> list[str]:
+    return [*result.missing, *result.problems, *([] if result.failure is None else [result.failure])]
 
 
 def _link_json(link: LinkResult) -> Json:
@@ -148,19 +174,23 @@ def _link_json(link: LinkResult) -> Json:
         "used": link.used,
         "dropped": dict(link.dropped),
         "true_azimuth_deg": _deg(link.truth.azimuth_rad if link.truth else None),
-        "true_elevation_deg": _deg(link.truth.polar_rad if link.truth else None),
+        "true_polar_deg": _deg(link.truth.polar_rad if link.truth else None),
+        "true_elevation_deg": _elevation_deg(link.truth.polar_rad if link.truth else None),
+        "truth_problem": link.truth_problem,
         "azimuth_error_deg": _deg(link.azimuth_error_rad),
         "great_circle_error_deg": _deg(link.great_circle_error_rad),
     }
     found = link.estimate
     if found is None:
-        return {**values, "azimuth_deg": None, "elevation_deg": None}
+        return {**values, "azimuth_deg": None, "polar_deg": None, "elevation_deg": None}
+    polar_rad = found.polar_rad if found.polar_observable else None
     return {
         **values,
         "azimuth_deg": math.degrees(found.azimuth_rad) if found.azimuth_observable else None,
-        "elevation_deg": math.degrees(found.polar_rad) if found.polar_observable else None,
+        "polar_deg": _deg(polar_rad),
+        "elevation_deg": _elevation_deg(polar_rad),
         "azimuth_std_deg": _number(math.degrees(found.azimuth_std_rad)),
-        "elevation_std_deg": _number(math.degrees(found.polar_std_rad)),
+        "polar_std_deg": _number(math.degrees(found.polar_std_rad)),
         "crb_deg": _number(math.degrees(found.crb_rad)),
         "coherence": found.coherence,
         "reliability": found.reliability,
@@ -179,6 +209,10 @@ def _degrees(angle_rad: float | None, signed: bool = False) -> str:
 
 def _deg(angle_rad: float | None) -> float | None:
     return None if angle_rad is None else math.degrees(angle_rad)
+
+
+def _elevation_deg(polar_rad: float | None) -> float | None:
+    return None if polar_rad is None else 90.0 - math.degrees(polar_rad)
 
 
 def _number(value: float | None) -> float | None:

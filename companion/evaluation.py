@@ -4,12 +4,13 @@ unreliable."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from companion.analysis import LinkResult, Options, RunResult, analyze_run, analyze_run_with
+from companion.analysis import NO_LEVER, LinkResult, Options, RunResult, analyze_run, analyze_run_with
+from companion.messages import Vector3
 from companion.recordings import Run
 from wsr.aoa import Estimator
 from wsr.profile import profile_variance
@@ -32,6 +33,9 @@ class LinkRow:
     error_deg: float
     azimuth_deg: float | None
     true_azimuth_deg: float | None
+    polar_deg: float | None
+    """From Up; `elevation_deg` is the same above the horizon."""
+    true_polar_deg: float | None
     elevation_deg: float | None
     true_elevation_deg: float | None
     azimuth_std_deg: float | None
@@ -39,7 +43,7 @@ class LinkRow:
     """0 for a link without an estimate."""
     packets: int
     reason: str
-    """Why there is no estimate; empty where there is one."""
+    """Why it could not be evaluated; empty where it could."""
     profile_variance: float | None = None
     """The confidence of the WSR Toolbox, lower is better, for comparison with the reliability."""
 
@@ -79,6 +83,25 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Note:
+    """What to know about a run, or one link of it, that was evaluated all the same."""
+
+    set: str
+    run: str
+    tx: str | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunRows:
+    """What one run adds to an evaluation."""
+
+    links: list[LinkRow]
+    left_out: list[LeftOut]
+    notes: list[Note]
+
+
+@dataclass(frozen=True, slots=True)
 class Evaluation:
     """`sets` counts every link that has files; `reliable` only those at or above the reliability asked for."""
 
@@ -90,37 +113,27 @@ class Evaluation:
     trust: Trust
     links: list[LinkRow]
     left_out: list[LeftOut]
+    notes: list[Note]
+    lever_m: Vector3 = NO_LEVER
+    """Of the antenna from the tracked point, as used."""
 
 
-def evaluate_run(run: Run, options: Options) -> tuple[list[LinkRow], list[LeftOut]]:
+def evaluate_run(run: Run, options: Options) -> RunRows:
     """The rows of one run. Pure but for reading its files, so runs can be shared out to processes."""
-    return _rows(run, options, analyze_run(run, options))
+    return _rows(run, analyze_run(run, options))
 
 
-def evaluate_run_with(
-    run: Run, options: Options, estimators: Sequence[Estimator]
-) -> list[tuple[list[LinkRow], list[LeftOut]]]:
+def evaluate_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunRows]:
     """As `evaluate_run`, for each of `estimators`; the files are read once."""
-    return [_rows(run, options, result) for result in analyze_run_with(run, options, estimators)]
-
-
-def _rows(run: Run, options: Options, result: RunResult) -> tuple[list[LinkRow], list[LeftOut]]:
-    if result.links:
-        rows = [_row(run, link) for link in result.links if link.truth is not None or link.estimate is None]
-        untrue = [link for link in result.links if link.truth is None and link.estimate is not None]
-        left_out = [LeftOut(run.set_name, run.stamp, f"{link.name}: its true position is not known") for link in untrue]
-        return rows, left_out + [LeftOut(run.set_name, run.stamp, text) for text in _missing_files(result)]
-    complete = run.rx is not None and options.kind in run.trajectories
-    reason = "; ".join(result.problems)
-    if complete:  # the files are there and could not be used: as wrong as can be
-        return [_unevaluated(run, name, reason) for name in sorted(run.tx)], []
-    return [], [LeftOut(run.set_name, run.stamp, reason)]
+    return [_rows(run, result) for result in analyze_run_with(run, options, estimators)]
 
 
 def evaluation(
-    links: Iterable[LinkRow], left_out: Iterable[LeftOut], poses: str, estimator: str, min_reliability: float
+    runs: Iterable[RunRows], poses: str, estimator: str, min_reliability: float, lever_m: Vector3 = NO_LEVER
 ) -> Evaluation:
-    rows = sorted(links, key=lambda row: (row.set, row.position, row.run, row.tx))
+    """Of one run or more, with one link or more among them."""
+    found = list(runs)
+    rows = sorted((row for run in found for row in run.links), key=lambda row: (row.set, row.position, row.run, row.tx))
     reliable = [row for row in rows if row.reliability >= min_reliability]
     return Evaluation(
         poses,
@@ -130,7 +143,9 @@ def evaluation(
         _by_set(reliable),
         trust(rows),
         rows,
-        sorted(left_out, key=lambda o: o.run),
+        sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
+        sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
+        lever_m,
     )
 
 
@@ -180,12 +195,33 @@ def _figures(errors_deg: list[float]) -> Figures:
     )
 
 
-def _row(run: Run, link: LinkResult) -> LinkRow:
+def _rows(run: Run, result: RunResult) -> RunRows:
+    """A link whose files are all there counts, whatever came of it. That its truth cannot be known is why it cannot be
+    evaluated before anything else."""
+    rows = [_row(run, link, result.truth_problem) for link in result.links]
+    if result.failure is not None:
+        reason = result.truth_problem or result.failure
+        rows = [_unevaluated(run, name, reason) for name in sorted(run.tx)]
+    said: list[tuple[str | None, str]] = [
+        (None, text) for text in result.problems if not any(text in row.reason for row in rows)
+    ]
+    said += [(link.name, text) for link in result.links for text in link.notes]
+    return RunRows(
+        rows,
+        [LeftOut(run.set_name, run.stamp, text) for text in result.missing],
+        [Note(run.set_name, run.stamp, tx, text) for tx, text in said],
+    )
+
+
+def _row(run: Run, link: LinkResult, truth_problem: str | None) -> LinkRow:
     if link.estimate is None or link.truth is None:
-        return _unevaluated(run, link.name, link.problem or "no estimate")
+        reason = link.problem if link.estimate is None else truth_problem or link.truth_problem
+        return _unevaluated(run, link.name, reason or "no estimate", link.used)
     estimate = link.estimate
     std_deg = math.degrees(estimate.azimuth_std_rad)
     difference_rad = math.remainder(estimate.azimuth_rad - link.truth.azimuth_rad, math.tau)
+    polar_deg = math.degrees(estimate.polar_rad) if estimate.polar_observable else None
+    true_polar_deg = math.degrees(link.truth.polar_rad)
     return LinkRow(
         set=run.set_name,
         position=run.folder.resolve().name,
@@ -194,8 +230,10 @@ def _row(run: Run, link: LinkResult) -> LinkRow:
         error_deg=abs(math.degrees(difference_rad)),
         azimuth_deg=math.degrees(estimate.azimuth_rad),
         true_azimuth_deg=math.degrees(link.truth.azimuth_rad),
-        elevation_deg=math.degrees(estimate.polar_rad) if estimate.polar_observable else None,
-        true_elevation_deg=math.degrees(link.truth.polar_rad),
+        polar_deg=polar_deg,
+        true_polar_deg=true_polar_deg,
+        elevation_deg=None if polar_deg is None else 90.0 - polar_deg,
+        true_elevation_deg=90.0 - true_polar_deg,
         azimuth_std_deg=std_deg if math.isfinite(std_deg) else None,
         reliability=estimate.reliability,
         packets=estimate.packets,
@@ -206,7 +244,7 @@ def _row(run: Run, link: LinkResult) -> LinkRow:
     )
 
 
-def _unevaluated(run: Run, name: str, reason: str) -> LinkRow:
+def _unevaluated(run: Run, name: str, reason: str, packets: int = 0) -> LinkRow:
     return LinkRow(
         set=run.set_name,
         position=run.folder.resolve().name,
@@ -215,14 +253,12 @@ def _unevaluated(run: Run, name: str, reason: str) -> LinkRow:
         error_deg=UNEVALUATED_DEG,
         azimuth_deg=None,
         true_azimuth_deg=None,
+        polar_deg=None,
+        true_polar_deg=None,
         elevation_deg=None,
         true_elevation_deg=None,
         azimuth_std_deg=None,
         reliability=0.0,
-        packets=0,
+        packets=packets,
         reason=reason,
     )
-
-
-def _missing_files(result: RunResult) -> Iterator[str]:
-    return (problem for problem in result.problems if "is missing" in problem)

@@ -118,10 +118,11 @@ def receiver_mac(rx: CsiLog, tx: CsiLog) -> str:
     return max(others, key=lambda mac: others[mac])
 
 
-def join(rx: CsiLog, tx: CsiLog, mac: str) -> Exchanges:
+def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     """Round trips with the transmitter `mac`: by frame counter where both logs have one, else by time.
 
-    At each end the antenna with the most power is used. Raises ExchangeError, also for logs of different runs.
+    At each end the antenna with the most power is used. The transmitter's channels are `reduced` to what its datagrams
+    would have brought, or as its card reported them. Raises ExchangeError, also for logs of different runs.
     """
     ours = np.flatnonzero(rx.mac == mac)
     theirs = np.flatnonzero(tx.mac == receiver_mac(rx, tx))
@@ -138,7 +139,9 @@ def join(rx: CsiLog, tx: CsiLog, mac: str) -> Exchanges:
         raise ExchangeError(f"{rx.path.name} and {tx.path.name} have no exchange in common: {why}")
     t_s = host_times_s(rx.timestamp_low_us, rx.host_time_s)[ours[i]]
     _check_same_run(rx, t_s, tx, host_times_s(tx.timestamp_low_us, tx.host_time_s)[theirs[j]])
-    forward, reverse = _strongest(rx, ours, i), as_sent(_strongest(tx, theirs, j))
+    forward, reverse = _strongest(rx, ours, i), _strongest(tx, theirs, j)
+    if reduced:
+        reverse = as_sent(reverse)
     centre_forward, centre_reverse = centre_channel(forward), centre_channel(reverse)
     strong = (np.abs(centre_forward) >= _WEAK_COUNTS) & (np.abs(centre_reverse) >= _WEAK_COUNTS)
     stamps_us = np.stack([rx.timestamp_low_us[ours[i]], tx.timestamp_low_us[theirs[j]]], axis=1).astype(np.float64)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -15,9 +13,10 @@ from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis import LinkResult, Options, RunResult, analyze_run
-from companion.analysis_report import as_json, problem_lines, run_table, summarise, summary_table
+from companion.analysis_report import as_json, note_lines, problem_lines, run_table, summarise, summary_table
 from companion.errors import CompanionError
 from companion.messages import Vector3
+from companion.output_files import check_writable, writing
 from companion.recordings import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
 from companion.trajectories import PoseKind
 from wsr.estimators import ESTIMATORS
@@ -84,14 +83,14 @@ def analyze(
     """Bearings from recorded CSI of both ends and a trajectory.
 
     RUN is a folder of recorded runs or one above several: all runs below it are analysed. Or give loose files with
-    --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and elevation (polar angle from Up, where the
+    --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and polar angle (from Up, 90 is level; where the
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None
     if lever is not None and not all(map(math.isfinite, lever)):
         raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
     chosen = [(run, macs_by_name(macs, run)) for run in chosen_runs(runs, stamps, rx, tx, traj, kind)]
-    _check_writable(json_path, None if no_pictures else out)
+    check_writable(json_path, None if no_pictures else out)
     console = Console()
     if not console.is_terminal:
         console = Console(width=_PIPE_COLUMNS)
@@ -103,7 +102,7 @@ def analyze(
         results.append(result)
     _report(results, console)
     if json_path is not None:
-        with _writing(json_path):
+        with writing(json_path):
             json_path.write_text(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n")
     _check(results)
 
@@ -162,20 +161,6 @@ def _is_hex(byte: str) -> bool:
     return all(digit in "0123456789ABCDEF" for digit in byte)
 
 
-def _check_writable(json_path: Path | None, out: Path | None) -> None:
-    """Raises CompanionError now rather than after minutes of work."""
-    if json_path is not None:
-        is_new = not json_path.exists()
-        with _writing(json_path), json_path.open("a"):
-            pass
-        if is_new:
-            json_path.unlink()
-    if out is not None:
-        with _writing(out):
-            out.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=out).close()
-
-
 def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
     """The runs, with a progress bar on a terminal as soon as it has taken longer than a second."""
     progress = Progress(console=Console(stderr=True), transient=True)
@@ -207,22 +192,16 @@ def draw(result: RunResult, out: Path) -> None:
         unseen = " and ".join(name for name, is_seen in seen.items() if not is_seen)
         flat = f"  {unseen} not observable on this path" if unseen else ""
         title = f"{run.title}  {link.name}  ({result.kind}){flat}"
-        with _writing(path):
+        with writing(path):
             draw_profile(path, link.profile, link.estimate, bearing, title, *seen.values())
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _report(results: list[RunResult], console: Console) -> None:
     for result in results:
         if any(_succeeded(link) for link in result.links):
             console.print(run_table(result))
+            for line in note_lines(result):
+                console.print(f"  - {line}", markup=False, highlight=False, soft_wrap=True)
             for line in problem_lines(result):
                 console.print(f"  ! {line}", markup=False, highlight=False, soft_wrap=True)
     summaries = summarise(results)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
@@ -12,10 +14,13 @@ import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis import Options
+from companion.analysis import DEFAULT_LEVERS_M, NO_LEVER, Options
+from companion.analysis_report import lever_line
 from companion.errors import CompanionError
-from companion.evaluation import Evaluation, LeftOut, LinkRow, Trust, evaluate_run, evaluation
+from companion.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
 from companion.evaluation_report import figures_table
+from companion.messages import Vector3
+from companion.output_files import check_writable, writing
 from companion.recordings import Run, find_runs
 from companion.trajectories import PoseKind
 from wsr.estimators import ESTIMATORS
@@ -50,6 +55,12 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=lambda: os.cpu_count() or 1, help="Processes.  [default: all cores]"
 )
+@click.option(
+    "--lever",
+    type=(float, float, float),
+    metavar="F L U",
+    help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
+)
 @click.option("--json", "json_path", type=_path, help="Write the result, with a row for each link.")
 @click.option("--out", type=_path, help="Folder for the pictures: error CDFs, and error against links kept.")
 def evaluate(
@@ -58,49 +69,50 @@ def evaluate(
     estimator: str,
     min_reliability: float,
     jobs: int,
+    lever: Vector3 | None,
     json_path: Path | None,
     out: Path | None,
 ) -> None:
     """Evaluate every run below DIR (WSR data set layout): errors of the azimuth by set and in all.
 
     The truth is taken at each estimate's own reference point. T265 and odometry are used in their own start heading,
-    never fitted to the truth. A link whose files are there but that gives no estimate counts as 180 degrees off.
+    never fitted to the truth. A link whose files are there but that gives no estimate, or whose truth is not known,
+    counts as 180 degrees off; the reasons are listed.
     """
     console = Console()
     if not console.is_terminal:
         console = Console(width=_PIPE_COLUMNS)
-    options = Options(kind=PoseKind(poses), estimator=estimator)
-    rows, left_out = _evaluate_all(find_runs(directory), options, jobs)
-    if not rows:
-        raise CompanionError(
-            f"{directory}: no link could be evaluated: {left_out[0].reason if left_out else 'no runs'}"
-        )
-    result = evaluation(rows, left_out, poses, estimator, min_reliability)
+    if lever is not None and not all(map(math.isfinite, lever)):
+        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
+    kind = PoseKind(poses)
+    runs = find_runs(directory)
+    check_writable(json_path, out)
+    done = _evaluate_all(runs, Options(kind=kind, lever_m=lever, estimator=estimator), jobs)
+    if not any(run.links for run in done):
+        left_out = [entry.reason for run in done for entry in run.left_out]
+        raise CompanionError(f"{directory}: no link has all its files: {left_out[0]}")
+    result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
     _print(result, console)
-    try:
-        if json_path is not None:
+    if json_path is not None:
+        with writing(json_path):
             json_path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
-        if out is not None:
+    if out is not None:
+        with writing(out):
             _draw(result, out, console)
-    except OSError as error:
-        raise CompanionError(f"{error.filename}: cannot be written: {error.strerror}") from None
 
 
-def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> tuple[list[LinkRow], list[LeftOut]]:
+def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]:
     """All runs, shared out to processes. The order in which they end does not show in the result."""
-    rows: list[LinkRow] = []
-    left_out: list[LeftOut] = []
+    done: list[RunRows] = []
     with (
         Progress(console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(max_workers=min(jobs, len(runs))) as pool,
     ):
         task = progress.add_task("evaluating", total=len(runs))
         for future in as_completed([pool.submit(partial(evaluate_run, run, options)) for run in runs]):
-            run_rows, run_left_out = future.result()
-            rows += run_rows
-            left_out += run_left_out
+            done.append(future.result())
             progress.advance(task)
-    return rows, left_out
+    return done
 
 
 def _print(result: Evaluation, console: Console) -> None:
@@ -108,11 +120,22 @@ def _print(result: Evaluation, console: Console) -> None:
     title = f"reliability {result.min_reliability:g} or more"
     console.print(figures_table(title, result.reliable, of=result.sets))
     console.print(_trust_line(result.trust), highlight=False)
+    for line in _said(result):
+        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _said(result: Evaluation) -> Iterator[str]:
+    """Below the tables: what was assumed, what counts as 180 degrees, what does not count, what to know beside it."""
+    if result.poses == PoseKind.ODOM and result.lever_m != NO_LEVER:
+        yield f"- {lever_line(result.lever_m)}"
     for row in result.links:
         if row.reason:
-            console.print(f"  ! {row.set} {row.run} {row.tx}: {row.reason}", markup=False, highlight=False)
+            yield f"! counted as 180°: {row.set} {row.run} {row.tx}: {row.reason}"
     for entry in result.left_out:
-        console.print(f"  - not counted: {entry.set} {entry.run}: {entry.reason}", markup=False, highlight=False)
+        yield f"- not counted: {entry.set} {entry.run}: {entry.reason}"
+    for note in result.notes:
+        tx = "" if note.tx is None else f" {note.tx}"
+        yield f"- {note.set} {note.run}{tx}: {note.text}"
 
 
 def _trust_line(trust: Trust) -> str:

@@ -175,13 +175,15 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
 
 def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
     """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
-    from companion.analysis_report import as_json, problem_lines, run_table
+    from companion.analysis_report import as_json, note_lines, problem_lines, run_table
     from companion.log.recording import analyze_session
 
     with working("estimating"):
         result = analyze_session(session)
     console = Console() if Console().is_terminal else Console(width=_WIDTH)
     console.print(run_table(result))
+    for line in note_lines(result):
+        console.print(f"  - {line}", markup=False, highlight=False, soft_wrap=True)
     for line in problem_lines(result):
         console.print(f"  ! {line}", markup=False, highlight=False, soft_wrap=True)
     if json_path is not None:

@@ -220,12 +220,24 @@ def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:
         return text.replace(folder + "/", "")
 
     def link(one: LinkResult) -> LinkResult:
-        problem = None if one.problem is None else plain(one.problem)
-        return replace(one, problem=problem, notes=tuple(map(plain, one.notes)))
+        return replace(
+            one,
+            problem=None if one.problem is None else plain(one.problem),
+            truth_problem=None if one.truth_problem is None else plain(one.truth_problem),
+            notes=tuple(map(plain, one.notes)),
+        )
 
     problems = tuple(dict.fromkeys((*scene.problems, *map(plain, result.problems))))
     run = replace(result.run, folder=Path(scene.set_name) / scene.folder)
-    return replace(result, run=run, links=tuple(map(link, result.links)), problems=problems)
+    return replace(
+        result,
+        run=run,
+        links=tuple(map(link, result.links)),
+        missing=tuple(map(plain, result.missing)),
+        problems=problems,
+        failure=None if result.failure is None else plain(result.failure),
+        truth_problem=None if result.truth_problem is None else plain(result.truth_problem),
+    )
 
 
 def _peer_stream(name: str) -> Stream:

@@ -13,7 +13,7 @@ import msgspec
 import yaml
 
 from companion.analysis import LinkResult, RunResult
-from companion.analysis_report import problem_lines
+from companion.analysis_report import note_lines, problem_lines
 from companion.log.recording import Scene
 from companion.log_reader import Session
 from companion.report import pictures
@@ -52,7 +52,7 @@ def recording_page(session: Session, scene: Scene, result: RunResult, path_png: 
     """The page of an imported recording."""
     estimated = [link for link in result.links if link.estimate is not None and link.profile is not None]
     tiles = [(link.name, link.profile.power, _found(link), _truth(link)) for link in estimated if link.profile]
-    problems = "".join(f"<li>{html.escape(line)}</li>" for line in problem_lines(result))
+    problems = "".join(f"<li>{html.escape(line)}</li>" for line in (*note_lines(result), *problem_lines(result)))
     sections = [
         _section("Path and bearings", _image(path_png, "path from above with bearings")),
         _section(

@@ -32,13 +32,17 @@ def test_bearing_of_a_known_transmitter(
     # The wavefront is curved at this distance, which a plane-wave model feels.
     assert link["great_circle_error_deg"] < 1.0
     assert (link["packets"], link["used"], link["dropped"]) == (500, 500, {})
+    # The elevation is above the horizon, the polar angle from Up.
+    assert np.sign(link["true_elevation_deg"]) == np.sign(place[2] - 0.5)
+    for which in ("", "true_"):
+        assert link[f"{which}elevation_deg"] == pytest.approx(90 - link[f"{which}polar_deg"])
 
 
 def test_flat_path_shows_no_elevation(cli: Cli, tmp_path: Path) -> None:
     folder = write_run(tmp_path / "set" / "p", (6.0, -3.0, 0.3), flat=True).folder
     outcome = cli(folder, "--no-pictures", "--json", "r.json")
     link = links(tmp_path / "r.json")["tx2"]
-    assert link["elevation_deg"] is None and link["great_circle_error_deg"] is None
+    assert link["polar_deg"] is None and link["elevation_deg"] is None and link["great_circle_error_deg"] is None
     assert abs(link["azimuth_error_deg"]) < 1.0
     row = next(line for line in outcome.out.splitlines() if "tx2" in line)
     assert row.split("│")[3].strip() == "-"
@@ -291,7 +295,7 @@ def test_a_straight_path_is_said_to_tell_no_azimuth(cli: Cli, run: RunFolder, tm
     (straight / run.trajectory.name).write_text("".join(rows))
     outcome = cli(run.folder.parent, "--no-pictures", "--json", "r.json")
     assert "! tx2: azimuth not observable: the path is straight, 0.76 m long and 0.00 m wide" in outcome.out
-    assert "elev. from Up" in outcome.out and "│ 1 of 2 │" in outcome.out
+    assert "polar angle from Up" in outcome.out and "│ 1 of 2 │" in outcome.out
     sets = json.loads((tmp_path / "r.json").read_text())["sets"]
     assert [(row["links"], row["of_links"]) for row in sets] == [(1, 2)]
     shutil.rmtree(run.folder)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from click.testing import CliRunner, Result
 from companion.analysis import Options, analyze_run
 from companion.cli import program
 from companion.errors import CompanionError
-from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, evaluation, risk_coverage, trust
+from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, RunRows, evaluate_run, evaluation, risk_coverage, trust
 from companion.recordings import find_runs
 from companion.trajectories import PoseKind
 from tests.synthetic_run import write_run
@@ -25,7 +27,9 @@ SPATIAL = DATA.parent / "wsr_3d"
 
 
 def row(set_name: str, error_deg: float, reliability: float = 0.9, reason: str = "") -> LinkRow:
-    return LinkRow(set_name, "L1", "run", "tx2", error_deg, 0.0, 0.0, None, None, 1.0, reliability, 500, reason)
+    return LinkRow(
+        set_name, "L1", "run", "tx2", error_deg, 0.0, 0.0, None, None, None, None, 1.0, reliability, 500, reason
+    )
 
 
 def evaluate(*arguments: object) -> Result:
@@ -34,7 +38,7 @@ def evaluate(*arguments: object) -> Result:
 
 def test_figures_by_set_and_in_all() -> None:
     rows = [row("A", 1.0), row("A", 3.0), row("A", 20.0, reliability=0.1), row("B", UNEVALUATED_DEG, 0.0, "no file")]
-    result = evaluation(rows, [], "mocap", "robust", 0.5)
+    result = evaluation([RunRows(rows[:3], [], []), RunRows(rows[3:], [], [])], "mocap", "robust", 0.5)
     assert (result.sets["A"].n, result.sets["A"].median_deg, result.sets["A"].mean_deg) == (3, 3.0, 8.0)
     assert result.sets["A"].within_10 == pytest.approx(2 / 3)
     assert result.sets["B"].mean_deg == 180.0
@@ -68,6 +72,83 @@ def test_a_link_that_has_files_but_no_estimate_counts_as_180_degrees(tmp_path: P
     assert "Set_Y" not in result["sets"]
     assert any("trajectory" in entry["reason"] for entry in result["left_out"])
     assert {path.suffix for path in (tmp_path / "p").iterdir()} == {".png"}
+
+
+def _cut(path: Path) -> None:
+    rows = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(rows[: len(rows) // 2]))
+
+
+def _spoil_a_line(path: Path) -> None:
+    path.write_text(path.read_text().replace("\n", "\nlost,", 1))
+
+
+SPOILED_MOCAP: dict[str, Callable[[Path], object]] = {
+    "cut": _cut,
+    "empty": lambda path: path.write_text(""),
+    "bad line": _spoil_a_line,
+    "missing": Path.unlink,
+}
+
+
+@pytest.mark.parametrize("what", SPOILED_MOCAP)
+def test_a_link_whose_truth_cannot_be_known_counts_as_180_degrees(tmp_path: Path, what: str) -> None:
+    run = write_run(tmp_path / "Set_X" / "L1", (4.0, 1.0, 0.8))
+    shutil.copy(run.trajectory, run.folder / f"t265_{run.trajectory.name}")
+    options = Options(kind=PoseKind.T265, estimator="bartlett")
+    (sound,) = evaluate_run(find_runs(tmp_path)[0], options).links
+    assert sound.error_deg < 5 and not sound.reason
+    SPOILED_MOCAP[what](run.trajectory)
+    rows = evaluate_run(find_runs(tmp_path)[0], options)
+    assert [row.error_deg for row in rows.links] == [UNEVALUATED_DEG]
+    assert run.trajectory.name in rows.links[0].reason and "true place" in rows.links[0].reason
+    assert rows.left_out == []
+
+
+@pytest.mark.parametrize(
+    ("content", "because"),
+    [
+        ("{", "not a JSON file"),
+        (None, "is missing"),
+        ('{"channel": {"value": 108}, "true_tx_positions": {"value": {}}}', "has no position of tx2"),
+    ],
+)
+def test_without_a_true_position_the_truth_file_is_named(tmp_path: Path, content: str | None, because: str) -> None:
+    run = write_run(tmp_path / "Set_X" / "L1", (4.0, 1.0, 0.8))
+    if content is None:
+        run.truth.unlink()
+    else:
+        run.truth.write_text(content)
+    (row,) = evaluate_run(find_runs(tmp_path)[0], Options(kind=PoseKind.MOCAP, estimator="bartlett")).links
+    assert row.error_deg == UNEVALUATED_DEG
+    assert run.truth.name in row.reason and because in row.reason
+    assert "--channel" not in row.reason
+
+
+def test_what_is_wrong_with_a_run_that_is_evaluated_is_told(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "Set_X" / "L1", (4.0, 1.0, 0.8))
+    rows = run.trajectory.read_text().splitlines(keepends=True)
+    far = [",".join([*fields[:2], str(float(fields[2]) + n / 1e3), *fields[3:]]) for n, fields in _numbered(rows)]
+    (run.folder / f"t265_{run.trajectory.name}").write_text("".join(far))
+    done = evaluate(tmp_path, "--poses", "t265", "--estimator", "bartlett", "--json", tmp_path / "r.json")
+    assert done.exit_code == 0, done.output
+    notes = json.loads((tmp_path / "r.json").read_text())["notes"]
+    assert [(note["set"], note["tx"]) for note in notes if "the tracker drifted" in note["text"]] == [("Set_X", None)]
+    assert "the tracker drifted" in done.output
+
+
+def _numbered(rows: list[str]) -> list[tuple[int, list[str]]]:
+    return [(n, row.split(",")) for n, row in enumerate(rows)]
+
+
+@pytest.mark.parametrize("option", ["--json", "--out"])
+def test_what_cannot_be_written_is_said_before_the_work(tmp_path: Path, option: str, monkeypatch: Any) -> None:
+    write_run(tmp_path / "Set_X" / "L1", (4.0, 1.0, 0.8))
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("companion.commands.evaluate._evaluate_all", lambda *_: pytest.fail("it worked first"))
+    done = evaluate(tmp_path, option, tmp_path / "file" / "below")
+    assert isinstance(done.exception, CompanionError)
+    assert "cannot be written" in str(done.exception)
 
 
 def test_nothing_to_evaluate_is_an_error(tmp_path: Path) -> None:

@@ -1,0 +1,34 @@
+"""Files that a command writes at its end: whether they can be is found out before the work, not after it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from companion.errors import CompanionError
+
+
+def check_writable(file: Path | None, folder: Path | None = None) -> None:
+    """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is; a
+    folder that is not there is made."""
+    if file is not None:
+        is_new = not file.exists()
+        with writing(file), file.open("a"):
+            pass
+        if is_new:
+            file.unlink()
+    if folder is not None:
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """An OSError inside becomes a CompanionError that names `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None
