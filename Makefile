@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test faults mutants t265 bench golden replay-seeds check lint types imports help clean
+.PHONY: demo test faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
@@ -14,6 +14,7 @@ help:
 	@echo "make mutants  mutation test of the set point gate"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
+	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/estimation.md (DATA=DIR...)"
 	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
 	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
 	@echo "make .venv  the environment alone"
@@ -66,6 +67,13 @@ t265:
 
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
+
+# Writes the generated parts of docs/estimation.md; about ten minutes.
+DATA := ../shared/data/wsr_dataset_dev ../shared/data/wsr_3d
+ablation: .venv
+	$(BIN)/python -m benchmarks.ablation --markdown $(DATA)
+	$(BIN)/python -m benchmarks.crossvalidation --markdown $(DATA)
+	$(BIN)/python -m benchmarks.simulated --markdown
 
 golden: $(VENV)/dev.stamp
 	$(BIN)/python -m tests.golden $(ARGS)

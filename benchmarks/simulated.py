@@ -1,12 +1,14 @@
 """`python -m benchmarks.simulated`: estimators against truth and bound, as docs/estimation.md quotes them.
 
 Each trial draws a path, a direction and noise from its own seed. The tests run the same campaigns with fewer trials.
+`--markdown` writes the figures into docs/estimation.md.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,12 +17,14 @@ import click
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.document import ESTIMATION, replace_part
 from benchmarks.scenes import WAVELENGTH_M
 from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
 from wsr.estimators.bartlett import Bartlett
 from wsr.estimators.far_field import FarField
+from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle
 from wsr.uncertainty import bound
@@ -30,6 +34,7 @@ Array = npt.NDArray[np.float64]
 PACKETS = 600
 DURATION_S = 7.0
 LENGTH_M = 2.8
+_ALL_STEPS = RobustOptions()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +79,17 @@ class PoseErrorRow:
     bartlett_mean_deg: float
     robust_median_deg: float
     robust_mean_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class StepRow:
+    """What a step gives that recordings do not show: a figure of all steps, and of all but this one."""
+
+    step: str
+    figure: str
+    trials: int
+    with_it: float
+    without_it: float
 
 
 def helix_path(rng: np.random.Generator, length_m: float = LENGTH_M, packets: int = PACKETS) -> Array:
@@ -169,11 +185,8 @@ def pose_error_rows(trials: int, share: float = 0.07) -> Iterator[PoseErrorRow]:
         errors: dict[str, list[float]] = {"bartlett": [], "robust": []}
         ate_m = []
         for seed in range(trials):
-            rng = np.random.default_rng([3, seed])
-            path = PATHS["helix" if seed % 2 else "arbitrary"](rng)
-            wrong = _bias(rng, share) if kind == "velocity bias" else _walk(rng, share)
-            ate_m.append(_rms(wrong))
-            trial = simulated(rng, path, 10.0, 20.0, pose_error_m=wrong)
+            trial, wrong_m = _with_wrong_poses(kind, seed, share)
+            ate_m.append(wrong_m)
             estimators: dict[str, Estimator] = {"bartlett": Bartlett(), "robust": Robust()}
             for name, estimator in estimators.items():
                 errors[name].append(float(error_rad(trial, estimator.estimate(trial.aperture)[0])[2]))
@@ -189,10 +202,35 @@ def pose_error_rows(trials: int, share: float = 0.07) -> Iterator[PoseErrorRow]:
         )
 
 
-def _over_bound(name: str, seed: int, snr_db: float, wideband: bool) -> Array:
+def step_rows(trials: int) -> Iterator[StepRow]:
+    """The last coherent step, by the bound at 20 dB, and the linear phase, by a velocity bias."""
+    both: list[float] = []
+    for options in (_ALL_STEPS, RobustOptions(coherent_above=2.0)):
+        ratios = [_over_bound(name, seed, 20.0, True, options) for name in PATHS for seed in range(trials)]
+        both.append(float(np.mean(ratios)))
+    yield StepRow("coherent refinement and most likely focus", "mean square error over the bound", 2 * trials, *both)
+    both = []
+    for options in (_ALL_STEPS, RobustOptions(drift=False)):
+        errors = []
+        for seed in range(trials):
+            trial = _with_wrong_poses("velocity bias", seed, 0.07)[0]
+            errors.append(float(error_rad(trial, Robust(options).estimate(trial.aperture)[0])[2]))
+        both.append(_median_deg(errors))
+    yield StepRow("linear phase", "median error [°] with a velocity bias of 7 %", trials, *both)
+
+
+def _with_wrong_poses(kind: str, seed: int, share: float) -> tuple[Trial, float]:
+    """A trial, and the root mean square error of its positions."""
+    rng = np.random.default_rng([3, seed])
+    path = PATHS["helix" if seed % 2 else "arbitrary"](rng)
+    wrong = _bias(rng, share) if kind == "velocity bias" else _walk(rng, share)
+    return simulated(rng, path, 10.0, 20.0, pose_error_m=wrong), _rms(wrong)
+
+
+def _over_bound(name: str, seed: int, snr_db: float, wideband: bool, options: RobustOptions = _ALL_STEPS) -> Array:
     rng = np.random.default_rng([1, seed])
     trial = simulated(rng, PATHS[name](rng), 8.0, snr_db, wideband)
-    estimate = Robust().estimate(trial.aperture)[0]
+    estimate = Robust(options).estimate(trial.aperture)[0]
     to = trial.source_m - np.array(estimate.reference_p_m)
     azimuth, polar = (float(angle) for angle in angles(to))
     x = trial.aperture.chi_m - trial.aperture.chi_m.mean(axis=0)
@@ -232,38 +270,69 @@ def _median_deg(errors_rad: list[float]) -> float:
     return math.degrees(float(np.median(errors_rad)))
 
 
+def report(bounds: list[BoundRow], near: NearRow, poses: list[PoseErrorRow], steps: list[StepRow]) -> Iterator[str]:
+    """Markdown."""
+    yield f"Mean square error over the unknown-phase bound, {bounds[0].trials} trials each, sources at 8 m:"
+    yield ""
+    yield "| path | SNR [dB] | subcarriers | azimuth | polar angle |"
+    yield "|---|---|---|---|---|"
+    for row in bounds:
+        ratios = f"{row.azimuth_ratio:.2f} | {row.polar_ratio:.2f}"
+        yield f"| {row.path} | {row.snr_db:g} | {row.subcarriers} | {ratios} |"
+    yield ""
+    yield (
+        f"Sources at 10 m, {near.trials} arbitrary paths of {LENGTH_M:g} m, 20 dB: median error "
+        f"{near.far_field_deg:.2f}° with plane waves, {near.robust_deg:.3f}° with `robust`; range within 15 % in "
+        f"{near.range_within_15:.0%}."
+    )
+    yield ""
+    yield "Wrong poses, 10 m, 20 dB (median / mean error [°]):"
+    yield ""
+    yield "| error | trials | ATE [m] | `bartlett` | `robust` | median against `bartlett`'s |"
+    yield "|---|---|---|---|---|---|"
+    for wrong in poses:
+        yield (
+            f"| {wrong.kind} | {wrong.trials} | {wrong.ate_m:.3f} | {wrong.bartlett_median_deg:.2f} / "
+            f"{wrong.bartlett_mean_deg:.2f} | {wrong.robust_median_deg:.2f} / {wrong.robust_mean_deg:.2f} | "
+            f"{wrong.robust_median_deg / wrong.bartlett_median_deg:.0%} |"
+        )
+    yield ""
+    yield "Steps whose worth recordings over level paths do not show:"
+    yield ""
+    yield "| step | figure | trials | with it | without |"
+    yield "|---|---|---|---|---|"
+    for step in steps:
+        yield f"| {step.step} | {step.figure} | {step.trials} | {step.with_it:.2f} | {step.without_it:.2f} |"
+
+
 @click.command()
 @click.option("--trials", type=click.IntRange(min=1), default=100, show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the figures here.")
-def main(trials: int, json_path: Path | None) -> None:
+@click.option("--markdown", is_flag=True, help="Write the figures into docs/estimation.md.")
+def main(trials: int, json_path: Path | None, markdown: bool) -> None:
     """Everything simulated that docs/estimation.md quotes."""
-    bounds = []
-    for row in bound_rows(trials):
-        bounds.append(row)
-        click.echo(
-            f"{row.path:>9} {row.snr_db:4.0f} dB, {row.subcarriers:2} subcarriers: mean square error over the bound "
-            f"{row.azimuth_ratio:.2f} in azimuth, {row.polar_ratio:.2f} in polar angle"
-        )
-    near = near_row(trials)
-    click.echo(
-        f"10 m: median error {near.far_field_deg:.2f} deg with plane waves, {near.robust_deg:.3f} robust; "
-        f"range within 15 % in {near.range_within_15:.0%}"
-    )
-    poses = []
-    for wrong in pose_error_rows(trials):
-        poses.append(wrong)
-        click.echo(
-            f"{wrong.kind}, ATE {wrong.ate_m:.3f} m: median / mean error {wrong.bartlett_median_deg:.2f} / "
-            f"{wrong.bartlett_mean_deg:.2f} deg bartlett, {wrong.robust_median_deg:.2f} / {wrong.robust_mean_deg:.2f} "
-            f"robust, {wrong.robust_median_deg / wrong.bartlett_median_deg:.0%} in the median"
-        )
+    stages = click.progressbar(length=4, label="simulating", file=sys.stderr)
+    with stages:
+        bounds = list(bound_rows(trials))
+        stages.update(1)
+        near = near_row(trials)
+        stages.update(1)
+        poses = list(pose_error_rows(trials))
+        stages.update(1)
+        steps = list(step_rows(trials))
+        stages.update(1)
+    lines = list(report(bounds, near, poses, steps))
+    click.echo("\n".join(lines))
     if json_path is not None:
         figures = {
             "bound": [asdict(r) for r in bounds],
             "near": asdict(near),
             "pose_errors": [asdict(r) for r in poses],
+            "steps": [asdict(r) for r in steps],
         }
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
+    if markdown:
+        replace_part(ESTIMATION, "simulated", lines)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ DEFAULT_LEVERS_M: Final[Mapping[PoseKind, Vector3]] = {
     PoseKind.MOCAP: NO_LEVER,
     PoseKind.T265: NO_LEVER,
     # Of the robot of the WSR data sets: its odometry is that of the wheel base, and motion capture, whose markers are
-    # on the antenna, sees that point circle the wheel base at this place (the same in all runs to 1 cm).
+    # on the antenna, sees that point circle the wheel base at this place; measured by benchmarks/odometry_lever.py.
     PoseKind.ODOM: (0.044, 0.160, 0.0),
 }
 """The antenna seen from the tracked point: forward, left, up."""
