@@ -137,7 +137,8 @@ def make_aperture(
 
     `p_j_m` (M, 3) are the other end's antenna positions in the same axes (its origin is free), None if it stands
     still. Packets may come in any order. Raises ApertureError on values that are not finite, on fewer than
-    `min_packets` packets, and when the packets lie within less than `min_length_m` (two wavelengths if not given).
+    `min_packets` packets, on fewer different places than that (a tracker that repeats itself), and when the packets
+    lie within less than `min_length_m` (two wavelengths if not given).
     The length here is the longest extent, not the path, because the jitter of a hovering vehicle lengthens the path.
     """
     times = np.asarray(t_s, np.float64)
@@ -154,10 +155,15 @@ def make_aperture(
     if values.shape != times.shape:
         raise ApertureError(f"channel has shape {values.shape}; expected {times.shape}")
     order = np.argsort(times, kind="stable")
+    chi_m = relative_displacement(positions, others)[order]
+    places = 1 + int(np.count_nonzero(np.any(np.diff(chi_m, axis=0) != 0.0, axis=1)))
+    needed_places = min(max(min_packets, 1), MIN_PACKETS)
+    if places < needed_places:
+        raise ApertureError(f"aperture has {places} different places; needs at least {needed_places}")
     x, y, z = (float(value) for value in positions.mean(axis=0))
     aperture = Aperture(
         t_s=times[order],
-        chi_m=relative_displacement(positions, others)[order],
+        chi_m=chi_m,
         channel=values[order],
         wavelength_m=wavelength_m,
         reference_p_m=(x, y, z),

@@ -19,12 +19,14 @@ class RobustOptions:
     path_bins: bool = True
     """Equal weight for equal length of path."""
     unit_power: bool = True
-    """Every packet has the same power; off: bounded from above."""
+    """Every packet has the same power, so that fading does not shorten the aperture; off: as received."""
+    weak_below: float = 0.5
+    """Amplitudes below this share of the median's stay weak: their phase is mostly noise."""
     focus: bool = True
     """Spherical waves of an unknown range; off: flat ones."""
-    delay_ns: float | None = 10.0
+    delay_ns: float | None = 8.0
     """Decay of the weight for delays against the power centroid; None: no weight."""
-    scales: tuple[int, ...] = (1, 2, 4)
+    scales: tuple[int, ...] = (1, 2, 4, 8)
     """Numbers of sub-apertures whose scores are averaged; the first is 1, the whole."""
     reciprocity: bool = True
     """Drop packets whose two ends disagree."""
