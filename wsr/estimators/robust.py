@@ -93,13 +93,12 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
     seen = look(fused, grid, ranges_m, options.delay_ns)
     beam_rad = wavelength_m / float(extents[0])
-    focus = _climbed(
-        fused, seen, Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds(), beam_rad, options
-    )
+    bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
+    focus = _climbed(fused, seen, bounds, beam_rad, options)
     drift = None
-    if options.drift and not flat and _leaves_a_trend(fused, x, bins.segment, focus):
+    if options.drift and (level or not flat) and _leaves_a_trend(fused, x, bins.segment, focus):
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
-        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad)
+        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad, bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
         seen = look(fused, grid, ranges_m, options.delay_ns)
