@@ -113,9 +113,13 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, o
     A coarse cell of the wrong range can be the highest, and its climb end on a side lobe. Maxima are compared by their
     fused scores, or, once one of them adds up coherently, by coherence.
     """
-    cells = {(int(np.argmax(column)), r) for r, column in enumerate(seen.combined.T)}
+    cells: dict[int, int] = {}
+    for r, at in enumerate(np.argmax(seen.combined, axis=0)):
+        best_r = cells.setdefault(int(at), r)
+        if seen.combined[at, r] > seen.combined[at, best_r]:
+            cells[int(at)] = r
     found = []
-    for at, r in sorted(cells):
+    for at, r in cells.items():
         start = float(seen.azimuth_rad[at]), float(seen.polar_rad[at]), seen.ranges_m[r]
         found.append(
             refine(
