@@ -6,12 +6,14 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from numpy.random import SeedSequence
 
 from companion.cli import main
 from companion.study.catalogue import MODULES, study
@@ -20,6 +22,7 @@ from companion.study.local import ProcessRunner
 from companion.study.report import draw, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
 from companion.study.trials import Batch, run_batch, trial_seed
+from tests.browser import visit
 
 DATA = Path(__file__).resolve().parents[2] / "../shared/data"
 SEED = 1
@@ -43,7 +46,7 @@ def _check_leftovers(one: Study[Any, Any], rows: list[Any], folder: Path) -> Out
     assert picture.read_bytes().startswith(b"\x89PNG")
     write_json(folder / "result.json", outcome)
     assert json.loads((folder / "result.json").read_text())["study"] == one.name
-    write_page(folder / "report.html", [outcome], {one.name: picture})
+    write_page(folder / "report.html", [outcome], {one.name: picture}, {})
     page = (folder / "report.html").read_text()
     assert "data:image/png;base64," in page
     assert all(finding.quantity.replace("<", "&lt;").replace("'", "&#x27;") in page for finding in outcome.findings)
@@ -218,7 +221,41 @@ def test_all_makes_one_page_and_goes_on_without_recordings(
     assert "vio: left out" in capsys.readouterr().out
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 1
+    assert "vio left out" in page
     assert [outcome["study"] for outcome in json.loads(result.read_text())] == ["crb"]
+    seen = visit((tmp_path / "report.html").as_uri(), tmp_path / "browser")
+    assert (seen.console, seen.outside) == ([], [])
+    assert seen.dom.count("<img") == 1
+
+
+def _no_trial(spec: object, seed: SeedSequence) -> float:
+    raise ValueError("thirteen")
+
+
+def test_all_goes_on_after_a_study_that_failed_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    studies = {"packets": replace(study("packets"), trial=_no_trial), "crb": study("crb")}
+    monkeypatch.setattr("companion.commands.study.MODULES", studies)
+    monkeypatch.setattr("companion.commands.study.load_study", studies.get)
+    assert _command(monkeypatch, "all", "--trials", "1", "--out", tmp_path) == 1
+    assert "packets failed: trial 0 (seed 1): ValueError: thirteen" in capsys.readouterr().err
+    page = (tmp_path / "report.html").read_text()
+    assert "packets failed: trial 0 (seed 1): ValueError: thirteen" in page
+    assert page.count("data:image/png;base64,") == 1
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    for out, result in (("file/out", "x.json"), ("out", "file/x.json")):
+        assert _command(monkeypatch, "crb", "--out", tmp_path / out, "--json", tmp_path / result) == 1
+        shown = capsys.readouterr()
+        assert str(tmp_path / "file") in shown.err
+        assert "cannot be written" in shown.err
+        assert not shown.out
+    assert not (tmp_path / "file").read_bytes()
 
 
 def test_processes_give_what_this_one_gives() -> None:
