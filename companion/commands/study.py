@@ -159,6 +159,8 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner
         task = progress.add_task(study.name, total=len(specs))
         rows = runner.run(study.trial, specs, seed, lambda done: progress.advance(task, done))
     summary = study.summarise(rows)
+    if not summary.findings:
+        raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
     elapsed_s = time.monotonic() - start
     return Outcome(
         study.name, study.title, study.figures, seed, len(specs), elapsed_s, summary.findings, summary.notes, rows

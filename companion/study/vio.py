@@ -185,7 +185,7 @@ def _summarise(rows: Sequence[VioRow]) -> Summary:
             rank = float(spearmanr(*np.array(errors_m).T).statistic)
             findings.append(Finding(f"{estimator}, t265: rank correlation of ATE and |phi error|", rank, "linear"))
     problems = [row.problem for row in rows if row.problem]
-    return Summary(findings, [*_NOTES, *problems])
+    return Summary(findings, [*_NOTES, *problems] if findings else problems)
 
 
 _NOTES = (

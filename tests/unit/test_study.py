@@ -231,6 +231,21 @@ def test_all_makes_one_page_and_goes_on_without_recordings(
     assert seen.dom.count("<img") == 1
 
 
+def test_recordings_of_which_none_can_be_used_are_a_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rx = tmp_path / "data" / "csi_rx_2021-06-27_203220.dat"
+    rx.parent.mkdir()
+    for name in (rx.name, "csi_tx1_2021-06-27_203220.dat"):
+        (rx.parent / name).write_bytes(bytes(50))
+    for name in ("rx_trajectory_2021-06-27_203220_.csv", "t265_rx_trajectory2021-06-27_203220.csv"):
+        (rx.parent / name).touch()
+    assert _command(monkeypatch, "vio", "--data", rx.parent, "--out", tmp_path, "--jobs", "1") == 1
+    shown = capsys.readouterr().err
+    assert "none of 1 trials gave a result" in shown
+    assert rx.name in shown
+
+
 def _no_trial(spec: object, seed: SeedSequence) -> float:
     raise ValueError("thirteen")
 
