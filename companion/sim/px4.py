@@ -4,7 +4,7 @@ Like PX4's onboard link it sends to the companion's listening port and takes wha
 the true state to the world simulator, with `--control` it takes orders from a test, one text datagram each, and
 answers with a `Px4Report`:
 
-    report | pilot MODE | mute nothing/heartbeats/everything | offboard accept/refuse/silent
+    report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
     battery FRACTION | parameter NAME VALUE | rc MICROSECONDS... | estimator healthy/unhealthy | say TEXT | reboot
     forget gaps
 """
@@ -88,6 +88,7 @@ class Px4:
             onboard_statuses=link.onboard_statuses,
             vision=link.visions,
             vision_age_s=link.vision_age_s,
+            received=dict(link.received),
             parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
             error=error,
@@ -107,6 +108,8 @@ class Px4:
                 pass
             case ["pilot", mode]:
                 self.commander.pilot_mode(Mode[mode.upper()])
+            case ["sticks", east, north, up]:
+                self.commander.sticks((float(east), float(north), float(up)))
             case ["mute", "nothing" | "heartbeats" | "everything" as what]:
                 self.link.mute = what
             case ["offboard", "accept" | "refuse" | "silent" as reply]:

@@ -60,6 +60,8 @@ class Px4Link:
         self.battery_remaining = 0.95
         self.mute: Mute = "nothing"
         self.ignore_mode_commands = False
+        self.received: dict[str, int] = {}
+        """How much came of each message, and of each command under its number."""
         self.peer_heartbeats = 0
         self.timesync_answers = 0
         self._clock_offset_ns: int | None = None
@@ -91,6 +93,7 @@ class Px4Link:
         parser = mavlink.MAVLink(None)  # a datagram holds whole frames: what is left of one belongs to no other
         parser.robust_parsing = True
         for message in parser.parse_buffer(datagram) or ():
+            self._count(message)
             handler = getattr(self, f"_on_{message.get_type().lower()}", None)
             if handler is not None:
                 handler(message)
@@ -118,6 +121,11 @@ class Px4Link:
     def reboot(self) -> None:
         """Forget what was asked for, as a restarted autopilot does."""
         self._period_ns = {name: round(NS_PER_S / rate) for name, rate in _RATES_HZ.items()}
+
+    def _count(self, message: Any) -> None:
+        name = message.get_type()
+        name += f" {message.command}" if name.startswith("COMMAND_") else ""
+        self.received[name] = self.received.get(name, 0) + 1
 
     def _speaks(self, name: str) -> bool:
         if name == "RC_CHANNELS":
