@@ -1,4 +1,7 @@
-"""The flying robot's 20 Hz loop: conditions -> mission -> actions, and one set point through the gate."""
+"""The flying robot's 20 Hz loop: conditions -> mission -> actions, and one set point through the gate.
+
+Longer than other modules: everything that may command the vehicle is to be read in one place.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +56,8 @@ _AT_REST = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
 _SEARCH_TURN_RAD = math.radians(120.0)
 _LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
 _BEARING_LATE_S = 1.5
+_RC_S = 1.0
+"""RC_CHANNELS come at 5 Hz. After a longer silence how the switch stands is not known."""
 
 
 class Flight:
@@ -269,7 +274,10 @@ class Flight:
         self._stream_ns = now_ns if self._streaming else None
 
     def _watch_switch(self, vehicle: VehicleState) -> None:
-        wish = self._switch.update(vehicle.rc_us) if self._switch is not None else None
+        if self._switch is None:
+            return
+        # What was heard last says nothing of how the switch stands now.
+        wish = self._switch.update(vehicle.rc_us if self._age_s(vehicle.rc_mono_ns) <= _RC_S else ())
         if wish is Event.ENGAGE:
             self._commands.beside(self._engage_by_switch(), "engage by switch")
         elif wish is not None:
@@ -425,11 +433,12 @@ class Flight:
             await self._commands.leave_at_end()
 
     def _bearing_stale(self) -> bool:
-        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs."""
+        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs or
+        is gone."""
         if self._iteration is None:
             return True
         silent = max(self._age_s(self._packet_ns), self._datagram_age_s()) > self._config.aperture.silent_s
-        late = self._sar.waiting_s() > _BEARING_LATE_S
+        late = self._sar.waiting_s() > _BEARING_LATE_S or not self._sar.is_ready
         return silent or late or self._blind_legs >= self._config.aperture.blind_legs
 
     def _datagram_age_s(self) -> float:
