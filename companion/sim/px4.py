@@ -88,6 +88,8 @@ class Px4:
             onboard_statuses=link.onboard_statuses,
             vision=link.visions,
             vision_age_s=link.vision_age_s,
+            vision_p_enu_m=None if link.vision is None else (link.vision.y, link.vision.x, -link.vision.z),
+            vision_reset_counter=None if link.vision is None else link.vision.reset_counter,
             received=dict(link.received),
             parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],

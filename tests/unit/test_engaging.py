@@ -5,9 +5,12 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
+import re
+from pathlib import Path
 
 import pytest
 
+import companion
 from companion.approach import Approach, as_velocity
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.autopilot.reconnect import Backoff
@@ -78,6 +81,20 @@ def test_every_command_of_the_port_is_barred_or_harmless() -> None:
     harmless = {"connect", "run", "problem", "aclose", "state", "take_events", "parameter", "send_odometry"}
     port = {name for name, _ in inspect.getmembers(Autopilot) if not name.startswith("_")}
     assert port == harmless | set(_COMMANDS) | {"send_setpoint"}
+
+
+def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
+    """Read from the source: who else could send one would have to name it."""
+    root = Path(companion.__file__).parent
+    texts = {path.relative_to(root).as_posix(): path.read_text() for path in root.rglob("*.py")}
+    texts = {name: text for name, text in texts.items() if not name.startswith("sim/")}
+    assert {name for name, text in texts.items() if ".send_setpoint(" in text} == {"flight.py", "autopilot/observed.py"}
+    flight = texts["flight.py"]
+    assert flight.count(".send_setpoint(") == 1 and re.findall(r"self\._send\((.*)\)", flight) == ["verdict.setpoint"]
+    messages = re.compile(r"SET_(POSITION|ATTITUDE|ACTUATOR)\w*_TARGET|MANUAL_CONTROL|RC_CHANNELS_OVERRIDE")
+    assert {name for name, text in texts.items() if messages.search(text)} == {"autopilot/mavsdk_edge.py"}
+    plugins = {plugin for text in texts.values() for plugin in re.findall(r"mavsdk\.plugins\.(\w+)", text)}
+    assert plugins == {"mavlink_direct"}, "the library's own offboard plugin repeats the last set point for ever"
 
 
 class _Sar:
