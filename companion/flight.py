@@ -106,6 +106,7 @@ class Flight:
         self._state_ns = clock.now_ns()
         self._reason = ""
         self._pending: list[Event] = []
+        self._aborts = 0
         self._streaming = False
         self._took_off = False
         self._refusals: tuple[str, ...] = ()
@@ -138,6 +139,7 @@ class Flight:
 
     def abort(self) -> None:
         """A person's wish to end the flight; it takes effect at the next tick."""
+        self._aborts += 1
         self.take_wish(Event.ABORT, "")
 
     def take_wish(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
@@ -154,7 +156,9 @@ class Flight:
     async def _engage_refusal(self) -> str:
         if self.state not in (State.IDLE, State.LATCHED):
             return f"the mission is {self.state} already"
-        return "; ".join(self.not_ready() + await self._engagement.parameter_problems())
+        aborts, missing = self._aborts, self.not_ready() + await self._engagement.parameter_problems()
+        # Reading parameters takes a moment, and an abort means nothing to a mission that is still at rest.
+        return "; ".join(missing + (["it was aborted meanwhile"] if self._aborts != aborts else []))
 
     def not_ready(self) -> list[str]:
         """What is missing for an engagement, in words, but for the autopilot's parameters, which must be asked for."""
@@ -281,6 +285,7 @@ class Flight:
         if wish is Event.ENGAGE:
             self._commands.beside(self._engage_by_switch(), "engage by switch")
         elif wish is not None:
+            self._aborts += 1
             self._pending.append(wish)
 
     async def _engage_by_switch(self) -> None:

@@ -5,8 +5,8 @@ the true state to the world simulator, with `--control` it takes orders from a t
 answers with a `Px4Report`:
 
     report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
-    battery FRACTION | parameter NAME VALUE | rc MICROSECONDS... | estimator healthy/unhealthy | say TEXT | reboot
-    forget gaps
+    battery FRACTION | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS... | estimator healthy/unhealthy
+    say TEXT | reboot | forget gaps
 """
 
 from __future__ import annotations
@@ -121,6 +121,8 @@ class Px4:
                 self.link.battery_remaining = float(fraction)
             case ["parameter", name, value]:
                 self.commander.parameters[name] = parameter_value(name, value)
+            case ["parameters", "heard" | "silent" as reply]:
+                self.link.ignore_parameter_requests = reply == "silent"
             case ["rc", *channels]:
                 self.link.rc_us = [int(channel) for channel in channels]
             case ["estimator", "healthy" | "unhealthy" as health]:

@@ -52,7 +52,7 @@ _CAPABILITIES = (
 class Px4Link:
     """Speaks as system 1, component 1 (the autopilot) to one companion.
 
-    `mute` and `ignore_mode_commands` are faults to inject.
+    `mute`, `ignore_mode_commands` and `ignore_parameter_requests` are faults to inject.
     """
 
     def __init__(self, commander: Commander, now_ns: int) -> None:
@@ -60,6 +60,7 @@ class Px4Link:
         self.battery_remaining = 0.95
         self.mute: Mute = "nothing"
         self.ignore_mode_commands = False
+        self.ignore_parameter_requests = False
         self.received: dict[str, int] = {}
         """How much came of each message, and of each command under its number."""
         self.peer_heartbeats = 0
@@ -244,7 +245,7 @@ class Px4Link:
         name = message.param_id if message.param_index < 0 else None
         if name is None and message.param_index < len(names):
             name = names[message.param_index]
-        if name in self.commander.parameters:
+        if name in self.commander.parameters and not self.ignore_parameter_requests:
             self._send_parameter(name)
 
     def _on_param_set(self, message: Any) -> None:

@@ -64,6 +64,27 @@ async def test_an_engagement_is_refused_with_the_whole_list(flying: Flying) -> N
         await flying.px4(order)
 
 
+@pytest.mark.parametrize("how", ["command", "switch"])
+async def test_an_abort_while_an_engagement_is_still_checked_ends_it(flying: Flying, how: str) -> None:
+    await flying.until(lambda status: not status["not_ready"])
+    await flying.px4("rc 1500 1500 1900" if how == "switch" else "rc")
+    await asyncio.sleep(0.3)
+    await flying.px4("parameters silent")
+    engaging = asyncio.create_task(flying.command("engage"))
+    await asyncio.sleep(0.1)
+    if how == "switch":
+        await flying.px4("rc 1500 1500 1000")
+    else:
+        assert (await flying.command("abort"))["ok"]
+    await asyncio.sleep(0.3)
+    await flying.px4("parameters heard")  # they are asked for again
+    answer = await engaging
+    assert not answer["ok"] and answer["error"] == "it was aborted meanwhile"
+    await asyncio.sleep(0.2)
+    report = await flying.px4("rc")
+    assert not report.armed and (await flying.status())["state"] == "idle"
+
+
 async def test_a_switch_that_is_up_when_rc_comes_back_engages_nothing(flying: Flying) -> None:
     await flying.until(lambda status: not status["not_ready"])
     await flying.px4("rc 1500 1500 1000")
