@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from companion import mission
-from companion.approach import Approach, as_velocity
+from companion.approach import Approach, as_velocity, inside
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.clock import NS_PER_S, Clock, Ticker
 from companion.conditions import ConditionLimits, Situation, conditions
@@ -56,6 +56,7 @@ _AT_REST = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
 _SEARCH_TURN_RAD = math.radians(120.0)
 _LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
 _BEARING_LATE_S = 1.5
+_REFUSED_AGAIN_S = 5.0
 _RC_S = 1.0
 """RC_CHANNELS come at 5 Hz. After a longer silence how the switch stands is not known."""
 
@@ -110,6 +111,7 @@ class Flight:
         self._streaming = False
         self._took_off = False
         self._refusals: tuple[str, ...] = ()
+        self._refused_ns: int | None = None
         self._packet_ns: int | None = None
         self._packets = 0
         self._blind_legs = 0
@@ -378,8 +380,12 @@ class Flight:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places())
+        if verdict.reasons and (not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S):
+            self._refused_ns = now_ns
+            self._give_up_leg(verdict.reasons, vehicle)
         if verdict.reasons != self._refusals:
-            self._note_refusal(verdict.reasons, vehicle, now_ns)
+            self._refusals = verdict.reasons
+            self._recorder.record(GATE, now_ns, GateReport(now_ns, verdict.reasons))
         if verdict.setpoint is not None:
             self._send(verdict.setpoint)
 
@@ -391,19 +397,18 @@ class Flight:
             return
         self._recorder.record(SETPOINT, setpoint.t_mono_ns, setpoint)
 
-    def _note_refusal(self, reasons: tuple[Reason, ...], vehicle: VehicleState, now_ns: int) -> None:
-        """The path has left what the gate allows: the leg is given up, and the next begins where the vehicle is."""
-        if reasons and not self._refusals:
-            self._reason = f"gate: {'; '.join(reasons)}"
-            _log.warning(self._reason)
-            self._blind_legs += 1
-            self._sar.start_ns = None
-            if vehicle.p_local_enu_m is not None:
-                self._approach.start(vehicle.p_local_enu_m, vehicle.yaw_enu_rad or 0.0)
-            if Reason.NEIGHBOUR in reasons and self._is_target_nearest(vehicle):
-                self._pending.append(Event.TARGET_REACHED)  # as near as anything may come to it
-        self._refusals = reasons
-        self._recorder.record(GATE, now_ns, GateReport(now_ns, reasons))
+    def _give_up_leg(self, reasons: tuple[Reason, ...], vehicle: VehicleState) -> None:
+        """The path has left what the gate allows, and the gate's hold only follows the vehicle. So the next leg begins,
+        and the vehicle stands, where it is; in the fence's way, inside it. A path that cannot be flown is a blind leg:
+        after enough of them the mission holds, and then leaves."""
+        self._reason = f"gate: {'; '.join(reasons)}"
+        _log.warning(self._reason)
+        self._blind_legs += 1
+        self._sar.start_ns = None
+        if vehicle.p_local_enu_m is not None:
+            self._approach.start(inside(vehicle.p_local_enu_m, self._gate.limits), vehicle.yaw_enu_rad or 0.0)
+        if Reason.NEIGHBOUR in reasons and self._is_target_nearest(vehicle):
+            self._pending.append(Event.TARGET_REACHED)  # as near as anything may come to it
 
     def _is_target_nearest(self, vehicle: VehicleState) -> bool:
         assert vehicle.p_local_enu_m is not None  # or the gate would have had no position

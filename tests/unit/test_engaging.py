@@ -6,12 +6,13 @@ import inspect
 import itertools
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import companion
-from companion.approach import Approach, as_velocity
+from companion.approach import Approach, as_velocity, inside
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.autopilot.reconnect import Backoff
 from companion.clock import NS_PER_S
@@ -180,6 +181,17 @@ def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
     assert back.v_local_enu_m_s == pytest.approx((0.5, -0.4, 0.08))
     far = as_velocity(path, (1.0, -50.0, 30.0), limits)
     assert math.hypot(*far.v_local_enu_m_s[:2]) == pytest.approx(1.0) and far.v_local_enu_m_s[2] == -0.5
+
+
+def test_after_a_refusal_it_stands_inside_the_fence() -> None:
+    limits = GateLimits((-9, -4, -1), (9, 4, 5), 6.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+    assert inside((1.0, 2.0, 1.5), limits) == pytest.approx((1.0, 2.0, 1.5))
+    assert inside((0.0, 5.0, 1.5), limits) == pytest.approx((0.0, 3.7, 1.5))
+    assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))
+    assert inside((0.0, 0.0, 9.0), limits)[2] == pytest.approx(4.7)
+    assert inside((0.0, 0.0, 0.1), limits)[2] == pytest.approx(0.8)
+    narrow = replace(limits, fence_min_m=(-0.1, -4, -1), fence_max_m=(0.1, 4, 5))
+    assert inside((3.0, 1.0, 1.5), narrow) == pytest.approx((0.0, 1.0, 1.5))
 
 
 def _bearing(from_m: Vector3, target_m: Vector3) -> Bearing:
