@@ -142,10 +142,12 @@ class _Worker:
 class _Service:
     """Everything in one process, moved on by `tick`."""
 
-    def __init__(self, directory: Path, out: Path, gusts: Gusts | None = None, **gate: Any) -> None:
+    def __init__(
+        self, directory: Path, out: Path, gusts: Gusts | None = None, hold_limit_s: float = 60.0, **gate: Any
+    ) -> None:
         """`gate` replaces values of that section of the configuration."""
         stage = set_stage(directory, out, seed=1, use_netlink=False)
-        mission = replace(stage.uav.mission, limit_s=1e6)
+        mission = replace(stage.uav.mission, limit_s=1e6, hold_limit_s=hold_limit_s)
         uav = replace(stage.uav, mission=mission, gate=replace(stage.uav.gate, **gate))
         self.clock = _Clock(10**12)
         self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, EventClock(self.clock))
@@ -239,11 +241,11 @@ async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
 ) -> None:
     """The target lies beyond it, and there are gusts: a vehicle that was carried over it comes back and stands inside,
     and after some tries it is left to return."""
-    service = _Service(tmp_path_factory.mktemp("s"), tmp_path, Gusts(4), fence_radius_m=1.5)
+    service = _Service(tmp_path_factory.mktemp("s"), tmp_path, Gusts(4), hold_limit_s=8.0, fence_radius_m=1.5)
     farthest_m, refused, states = 0.0, 0, list[State]()
     try:
         async with service.flight._commands:
-            for index in range(180 * _RATE_HZ):
+            for index in range(75 * _RATE_HZ):
                 await service.tick()
                 if index == 2 * _RATE_HZ:
                     assert await service.flight.engage() == ""
