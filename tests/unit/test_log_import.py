@@ -14,7 +14,7 @@ from companion.analysis_report import as_json
 from companion.cli import main
 from companion.log.recording import analyze_session, export_run, import_run
 from companion.log_reader import open_session
-from companion.recordings import Run, find_runs
+from companion.recordings import RecordingError, Run, find_runs, loose_run
 from tests.synthetic_run import RunFolder
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -67,6 +67,17 @@ def test_the_commands_import_replay_and_report(
     assert page.count("data:image/png;base64,") == 2
     assert "http" not in page
     assert cli("log", "export", log, "--out", tmp_path / "files").count(".dat") >= 2
+    assert cli("log", "export", log, "--to", "tum", "--out", tmp_path / "tum").count(".tum") >= 1
+    assert {path.suffix for path in (tmp_path / "tum").rglob("*.*")} == {".tum"}
+
+
+def test_a_loose_file_that_cannot_be_read_is_no_recording(run: RunFolder, tmp_path: Path) -> None:
+    (found,) = find_runs(run.folder)
+    assert found.rx is not None
+    (tmp_path / "empty.csv").touch()
+    loose = loose_run(found.rx, tuple(found.tx.values()), tmp_path / "empty.csv")
+    with pytest.raises(RecordingError, match=r"empty\.csv"):
+        import_run(loose, tmp_path / "run.mcap", Options())
 
 
 @pytest.mark.parametrize("name", ONE_OF_EACH_SET)
