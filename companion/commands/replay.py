@@ -159,9 +159,8 @@ def _check_table(checks: list[StreamCheck]) -> Table:
     table.add_column("first difference", overflow="fold")
     for one in checks:
         where = one.difference
-        at = "" if where is None or where.t_s is None else f" at {where.t_s:.2f} s"
-        text = "none" if where is None else f"message {where.index}{at}: {where.what}"
-        table.add_row(one.topic, str(one.recorded), str(one.replayed), str(one.identical), text)
+        counts = (str(count) for count in (one.recorded, one.replayed, one.identical))
+        table.add_row(one.topic, *counts, "none" if where is None else str(where))
     return table
 
 

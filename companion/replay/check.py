@@ -38,6 +38,10 @@ class Difference:
     """Since the first event; None where nothing was recorded."""
     what: str
 
+    def __str__(self) -> str:
+        at = "" if self.t_s is None else f" at {self.t_s:.2f} s"
+        return f"message {self.index}{at}: {self.what}"
+
 
 @dataclass(frozen=True, slots=True)
 class StreamCheck:
