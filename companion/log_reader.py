@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 import msgspec
-from mcap.reader import make_reader
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
@@ -85,6 +84,7 @@ class LogScan:
     def _messages(self, records: RecordScan, file: BinaryIO) -> Iterator[LoggedMessage]:
         channels: dict[int, Channel] = {}
         schemas: dict[int, tuple[str, str, bytes]] = {0: _NO_SCHEMA}
+        has_learned = False
         for record in records:
             match record:
                 case Schema():
@@ -94,8 +94,9 @@ class LogScan:
                 case Metadata():
                     self.metadata[record.name] = record.metadata
                 case Message():
-                    if record.channel_id not in channels:  # it was told in a chunk that is damaged
-                        self._learn_from_index(channels, schemas)
+                    if record.channel_id not in channels and not has_learned:  # it was told in a chunk that is damaged
+                        has_learned = True
+                        self._learn_from_all(channels, schemas)
                     channel = channels.get(record.channel_id)
                     if channel is None or (self._topics is not None and channel.topic not in self._topics):
                         continue
@@ -111,17 +112,15 @@ class LogScan:
                         schemas.get(channel.schema_id, _NO_SCHEMA),
                     )
 
-    def _learn_from_index(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:
-        """Channels and schemas once more from the end of the file, where there is one."""
-        try:
-            with self.path.open("rb") as file:
-                summary = make_reader(file).get_summary()
-        except UNREADABLE:
-            return
-        if summary is not None:
-            channels.update(summary.channels | channels)
-            found = {number: (one.name, one.encoding, one.data) for number, one in summary.schemas.items()}
-            schemas.update(found | schemas)
+    def _learn_from_all(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:
+        """Channels and schemas from wherever they can be read: the end of a finished file tells all of them again."""
+        with self.path.open("rb") as file:
+            for record in RecordScan(file):
+                match record:
+                    case Schema():
+                        schemas.setdefault(record.id, (record.name, record.encoding, record.data))
+                    case Channel():
+                        channels.setdefault(record.id, record)
 
 
 def read_log(path: Path, topics: Container[str]) -> list[LoggedMessage]:
@@ -229,7 +228,7 @@ def _why_no_log(path: Path) -> str:
             for _ in StreamReader(file, skip_magic=True, emit_chunks=True).records:
                 pass
         except UNREADABLE:
-            return f"cut off in its first bytes, before its metadata {METADATA!r}: nothing of it can be read"
+            return f"cut off or damaged in its first bytes: its metadata {METADATA!r} cannot be read"
     return f"no log of this program (it has no metadata {METADATA!r})"
 
 

@@ -108,9 +108,13 @@ def test_damage_costs_what_it_touched_and_a_replay_ends_before_it(cli: Run, tmp_
     assert all(len(one["what"]) < 500 for one in told if one is not None)
 
 
-def test_a_damaged_first_chunk_costs_no_channel_of_the_others(tmp_path: Path) -> None:
+@pytest.mark.parametrize("removed", [0, 50])
+def test_a_damaged_first_chunk_costs_no_channel_of_the_others(tmp_path: Path, removed: int) -> None:
+    """Channels are told once, in the first chunk, and again at the end, wherever that has moved to."""
     content = bytearray(FLIGHT.read_bytes())
-    content[content.index(b"zstd") + 200] ^= 0x55
+    at = content.index(b"zstd") + 200
+    content[at] ^= 0x55
+    del content[at + 1 : at + 1 + removed]
     hurt = tmp_path / "hurt.mcap"
     hurt.write_bytes(content)
     assert {message.topic for message in LogScan(hurt)} >= {"/csi", "/pose/in", "/tick", "/vehicle", "/setpoint"}
@@ -213,7 +217,7 @@ def test_what_cannot_be_replayed_says_why(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(FLIGHT.read_bytes()[:100])
     code, _, err = cli("report", tmp_path / "cut.mcap")
     assert code == 1
-    assert "cut off in its first bytes" in err
+    assert "cut off or damaged in its first bytes" in err
     code, _, err = cli("replay", FLIGHT, "--speed", "-2")
     assert code == 2
     assert "positive factor" in err
