@@ -21,7 +21,7 @@ from companion.engagement import Engagement
 from companion.event_clock import EventClock
 from companion.events import CommandOutcome, Tick, Wish
 from companion.flight_commands import FlightCommands, MakeCommands
-from companion.flight_log import GateReport, MissionStep, ObservedSetpoint, target_report
+from companion.flight_log import SERVICE_ENDS, GateReport, MissionStep, ObservedSetpoint, target_report
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, VehicleState
 from companion.mission import Action, Event, State
@@ -255,7 +255,7 @@ class Flight:
             flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
             before, self._streaming = self.state, False
             self.state, actions = mission.step(before, Event.TASK_FAILED)
-            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, "the service ends")
+            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, SERVICE_ENDS)
             self._recorder.record(MISSION, now_ns, step)
             return flying
 
