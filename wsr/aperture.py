@@ -155,15 +155,10 @@ def make_aperture(
     if values.shape != times.shape:
         raise ApertureError(f"channel has shape {values.shape}; expected {times.shape}")
     order = np.argsort(times, kind="stable")
-    chi_m = relative_displacement(positions, others)[order]
-    places = 1 + int(np.count_nonzero(np.any(np.diff(chi_m, axis=0) != 0.0, axis=1)))
-    needed_places = min(max(min_packets, 1), MIN_PACKETS)
-    if places < needed_places:
-        raise ApertureError(f"aperture has {places} different places; needs at least {needed_places}")
     x, y, z = (float(value) for value in positions.mean(axis=0))
     aperture = Aperture(
         t_s=times[order],
-        chi_m=chi_m,
+        chi_m=relative_displacement(positions, others)[order],
         channel=values[order],
         wavelength_m=wavelength_m,
         reference_p_m=(x, y, z),
@@ -175,4 +170,8 @@ def make_aperture(
     needed = MIN_LENGTH_WAVELENGTHS * wavelength_m if min_length_m is None else min_length_m
     if aperture.extents_m[0] < needed:
         raise ApertureError(f"aperture spans {aperture.extents_m[0]:.3f} m; needs at least {needed:.3f} m")
+    places = 1 + int(np.count_nonzero(np.any(np.diff(aperture.chi_m, axis=0) != 0.0, axis=1)))
+    needed_places = min(max(min_packets, 1), MIN_PACKETS)
+    if places < needed_places:
+        raise ApertureError(f"aperture has {places} different places; needs at least {needed_places}")
     return aperture
