@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import socket
-from collections import deque
+from collections import OrderedDict, deque
+from dataclasses import replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -16,10 +18,12 @@ from companion.errors import CompanionError
 from wsr.reduced import reduce_channel
 
 BYTES_PER_S: Final = 5000
-"""The paper's budget, UDP and IP headers included."""
+"""The paper's budget, with the headers that a network interface counts."""
 _RECEIVE_BYTES: Final = 2048
 _BURST_S: Final = 0.5
 _AT_ONCE: Final = 256
+_HEARD_NS: Final = 2 * NS_PER_S
+_US_MASK: Final = (1 << 32) - 1
 
 _Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
 
@@ -47,6 +51,8 @@ class NeighbourSender:
         self._newest_pose_ns = 0
         self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
         self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
+        self._heard: OrderedDict[int, tuple[int, int]] = OrderedDict()
+        """(sending on its clock, arrival on ours) of the newest datagram of each robot, that echoed last at the end"""
         self._allowance = budget_bytes_s * _BURST_S
         self._asked_ns: int | None = None
         self.dropped = 0
@@ -54,7 +60,7 @@ class NeighbourSender:
         self.thinned = 0
         """Channels left out, evenly, to stay below the budget of bytes."""
         self.sent_bytes = 0
-        """With UDP and IP headers."""
+        """With the headers that an interface counts."""
 
     def wants_pose(self, t_ns: int) -> bool:
         """Whether a pose of this time is due at the configured rate."""
@@ -65,6 +71,10 @@ class NeighbourSender:
         self._newest_pose_ns = t_ns
         self.dropped += len(self._poses) == wire.MAX_POSES
         self._poses.append((t_ns, p_enu_m, confidence))
+
+    def add_heard(self, robot: int, sent_ns: int, arrived_ns: int) -> None:
+        """A datagram of another robot was accepted: it is told so, which bounds the relation of the clocks."""
+        self._heard[robot] = sent_ns, arrived_ns
 
     def add_channel(
         self, frame: int | None, t_ns: int, nic_us: int, csi: npt.NDArray[np.complex64], power_dbm: float, antenna: int
@@ -84,27 +94,20 @@ class NeighbourSender:
         self._asked_ns = now_ns
         poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
         self.dropped += len(self._poses) - len(poses)
-        parts = [self._thin(part, len(poses)) for part in _split(self._csi, now_ns)]
+        parts = [_batch(part) for part in _split(self._csi)]
         self._poses.clear()
         self._csi.clear()
         made = []
         for number in range(max(len(parts), 1 if poses else 0)):
-            data = self._datagram(poses if number == 0 else [], parts[number] if parts else [], now_ns)
+            data = self._datagram(poses if number == 0 else [], parts[number] if parts else wire.empty_csi(), now_ns)
             if data is not None:
                 made.append(data)
-                self.sent_bytes += len(data) + wire.UDP_IP_BYTES
-                self._allowance -= len(data) + wire.UDP_IP_BYTES
+                self.sent_bytes += len(data) + wire.FRAME_BYTES
+                self._allowance -= len(data) + wire.FRAME_BYTES
         return made
 
-    def _thin(self, part: list[_Csi], poses: int) -> list[_Csi]:
-        left = self._allowance - wire.UDP_IP_BYTES - wire.OVERHEAD_BYTES - poses * wire.POSE_BYTES
-        room = min(wire.MAX_CSI, max(0, int(left // wire.CSI_BYTES)))
-        if len(part) <= room:
-            return part
-        self.thinned += len(part) - room
-        return [part[i] for i in np.linspace(0, len(part) - 1, room).astype(int)]
-
-    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], part: list[_Csi], now_ns: int) -> bytes | None:
+    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
+        """With as many of the channels, evenly, as the budget has room for."""
         t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
         datagram = wire.Datagram(
             self._role,
@@ -115,15 +118,32 @@ class NeighbourSender:
             wire.PoseBatch(
                 np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
             ),
-            _batch(part),
+            csi,
             self._counted,
+            self._echo(now_ns),
         )
         self._counter += 1
         try:
-            return wire.encode(datagram, self._key)
+            data = wire.encode(datagram, self._key)
+            while (over := len(data) + wire.FRAME_BYTES - self._allowance) > 0 and len(datagram.csi):
+                # The size of a channel depends on the others; an estimate that is too high thins a little too much.
+                each = (len(data) - wire.OVERHEAD_BYTES) / len(datagram.csi)
+                count = max(0, len(datagram.csi) - ceil(over / each))
+                datagram = replace(datagram, csi=csi.rows(np.linspace(0, len(csi) - 1, count).astype(np.intp)))
+                data = wire.encode(datagram, self._key)
         except ValueError:  # a jump of the tracker in mid batch, or a broken stamp: nobody could use it
-            self.dropped += len(poses) + len(part)
+            self.dropped += len(poses) + len(csi)
             return None
+        self.thinned += len(csi) - len(datagram.csi)
+        return data
+
+    def _echo(self, now_ns: int) -> wire.Echo | None:
+        """Of the robots heard of late, the one whose turn it is."""
+        for robot, (sent_ns, arrived_ns) in self._heard.items():
+            if 0 <= now_ns - arrived_ns < _HEARD_NS:
+                self._heard.move_to_end(robot)
+                return wire.Echo(robot, sent_ns // 1000 & _US_MASK, (now_ns - arrived_ns) // 1000)
+        return None
 
 
 class Link:
@@ -183,7 +203,7 @@ def _is_multicast(address: str) -> bool:
     return 224 <= int(address.split(".")[0]) <= 239
 
 
-def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
+def _split(csi: deque[_Csi]) -> list[list[_Csi]]:
     """Parts of which each fits one datagram: few enough, and counters and stamps not far from the first."""
     parts: list[list[_Csi]] = []
     for row in csi:
@@ -200,8 +220,6 @@ def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
 
 
 def _batch(part: list[_Csi]) -> wire.CsiBatch:
-    if not part:
-        return wire.empty_csi()
     frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
     coefficients, scale = reduce_channel(np.array(csi, np.complex64))
     return wire.CsiBatch(

@@ -1,8 +1,10 @@
 """A neighbour's monotonic clock on ours, from the exchanges both ends stamped. No NTP, no wall clock.
 
 Both ends hear the same exchange, the answer a turnaround (0.13 to 0.6 ms) after the ping. So each shared counter gives
-their stamp less ours, right to that, and the median of many is the offset. Where the driver gives no counters the same
-exchanges show as a peak in the correlation of both series of times, near the offset that the fastest datagram allows.
+their stamp less ours, right to that, and the median of many is the offset. Counters that lie give an offset that does
+too, so it must also agree with the datagrams: none arrives before it was sent, neither theirs here nor ours there.
+Where the driver gives no counters the same exchanges show as a peak in the correlation of both series of times, near
+the offset that the fastest datagram allows.
 """
 
 from __future__ import annotations
@@ -41,11 +43,16 @@ Times = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """Their clock less ours [ns] and how far that may be off [ns]; `samples` exchanges it rests on."""
+    """Their clock less ours [ns] and how far that may be off [ns]; `samples` exchanges it rests on.
+
+    `round_trip_ns` of the fastest datagrams there and back, by which counters can lie unnoticed; None before both ways
+    have been heard of.
+    """
 
     offset_ns: int
     uncertainty_ns: float
     samples: int
+    round_trip_ns: int | None
 
     @property
     def is_locked(self) -> bool:
@@ -60,11 +67,14 @@ class ClockRelation:
         self._samples: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self._sent: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
         """(arrival, sending less arrival)"""
+        self._echoed: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
+        """(our sending, their arrival less that)"""
 
     def clear(self) -> None:
         """The neighbour has rebooted, or the pinging robot has: nothing known holds any more."""
         self._samples.clear()
         self._sent.clear()
+        self._echoed.clear()
 
     def add_exchange(self, ours_ns: int, theirs_ns: int) -> None:
         """One exchange, stamped by both."""
@@ -73,6 +83,10 @@ class ClockRelation:
     def add_datagram(self, arrived_ns: int, sent_ns: int) -> None:
         """Arrival on our clock, sending on theirs: a bound, since nothing arrives before it was sent."""
         self._sent.append((arrived_ns, sent_ns - arrived_ns))
+
+    def add_echo(self, sent_ns: int, arrived_ns: int) -> None:
+        """One of our datagrams: sending on our clock, arrival on theirs. A bound from the other side."""
+        self._echoed.append((sent_ns, arrived_ns - sent_ns))
 
     def add_uncounted(self, ours_ns: Times, theirs_ns: Times) -> int | None:
         """Times of the packets that each end heard of the other during the same few seconds, as of `card_times`.
@@ -109,9 +123,12 @@ class ClockRelation:
         spread = 1.4826 * float(np.median(np.abs(level - middle)))
         uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
         # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
-        early = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
+        least = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
+        most = [middle + slope * (at - newest_ns) - bound for at, bound in self._echoed if at >= at_ns.min()]
+        round_trip_ns = -round(max(least) + max(most)) if least and most else None
         ahead = slope * (now_ns - newest_ns)
-        return Offset(round(middle + ahead), uncertainty + max([0.0, *early]), len(samples))
+        uncertainty += max([0.0, *least, *most])
+        return Offset(round(middle + ahead), uncertainty, len(samples), round_trip_ns)
 
 
 def _slope(at_ns: Times, samples_ns: Times) -> float:
