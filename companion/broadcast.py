@@ -20,7 +20,9 @@ from wsr.reduced import reduce_channel
 BYTES_PER_S: Final = 5000
 """The paper's budget, with the headers that a network interface counts."""
 _RECEIVE_BYTES: Final = 2048
-_BURST_S: Final = 0.5
+_SAVED_S: Final = 0.1
+"""Of the budget, from what earlier datagrams left: batches differ by a few packets."""
+_STALLED_S: Final = 0.5
 _AT_ONCE: Final = 256
 _HEARD_NS: Final = 2 * NS_PER_S
 _US_MASK: Final = (1 << 32) - 1
@@ -53,7 +55,7 @@ class NeighbourSender:
         self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
         self._heard: OrderedDict[int, tuple[int, int]] = OrderedDict()
         """(sending on its clock, arrival on ours) of the newest datagram of each robot, that echoed last at the end"""
-        self._allowance = budget_bytes_s * _BURST_S
+        self._allowance = budget_bytes_s * _SAVED_S
         self._asked_ns: int | None = None
         self.dropped = 0
         """Values that a newer one pushed out because datagrams were not sent in time, or that fit no datagram."""
@@ -89,8 +91,8 @@ class NeighbourSender:
         """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
         the pinging robot's counter. Sent at `now_ns`."""
         if self._asked_ns is not None:
-            earned = self._budget_bytes_s * (now_ns - self._asked_ns) / NS_PER_S
-            self._allowance = min(self._budget_bytes_s * _BURST_S, self._allowance + earned)
+            earned_s = min(_STALLED_S, (now_ns - self._asked_ns) / NS_PER_S)
+            self._allowance = min(self._allowance, self._budget_bytes_s * _SAVED_S) + self._budget_bytes_s * earned_s
         self._asked_ns = now_ns
         poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
         self.dropped += len(self._poses) - len(poses)

@@ -114,7 +114,8 @@ class NeighbourConfig:
     rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
     pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
     budget_bytes_s: Annotated[float, Meta(ge=2000, le=50000)] = 5000.0
-    """Of our datagrams with UDP and IP headers; channels beyond it are left out evenly. 5000 carries 195 packets/s."""
+    """Of our datagrams as an interface counts them; channels beyond it are left out evenly. 5000 carries 210 packets/s
+    with 50 poses/s whatever the channels are, and the 250 packets/s of the recordings that have most."""
 
 
 @dataclass(frozen=True, slots=True)

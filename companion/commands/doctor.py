@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 import click
+from rich.console import Console
+from rich.progress import Progress
 
 from companion.config_file import load_config
 from companion.errors import CompanionError
@@ -36,7 +40,8 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
         _show(check)
         checks.append(check)
     try:
-        heard = asyncio.run(live_checks(config, seconds, lambda _: None))
+        with _listening(seconds) as update:
+            heard = asyncio.run(live_checks(config, seconds, update))
     except CompanionError as error:
         heard = [Check("CSI source", False, str(error), "is the service running on the same socket?")]
     for check in heard:
@@ -48,6 +53,15 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
         except OSError as error:
             raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
     failed(checks)
+
+
+@contextmanager
+def _listening(seconds: float) -> Iterator[Callable[[float], None]]:
+    """A bar that fills while it listens. Silent where there is no terminal."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"listening for {seconds:g} s", total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 def _show(check: Check) -> None:

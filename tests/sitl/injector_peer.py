@@ -11,6 +11,10 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
+from companion import wire
+from companion.broadcast import Link, NeighbourSender
 from companion.clock import MonotonicClock
 from companion.config import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
 from companion.pinger import Pinger
@@ -104,9 +108,39 @@ async def rate() -> None:
     print(f"bytes_per_s {(after - before) / (time.monotonic() - start_s):.0f} pings {pinger.health()['sent']:.0f}")
 
 
+def datagrams() -> None:
+    """One second of 150 channels and 50 poses of a robot that moves, as the kernel counts them at the interface."""
+    subprocess.run(["ip", "addr", "add", "10.9.0.1/24", "broadcast", "10.9.0.255", "dev", "left"], check=True)
+    neighbours = NeighbourConfig("key", 17650, "10.9.0.255", interface="left")
+    link = Link(dataclasses.replace(CONFIG, neighbours=neighbours))
+    sender = NeighbourSender(
+        wire.Role.BEACON, 2, bytes(32), neighbours.pose_rate_hz, 1 << 32, neighbours.budget_bytes_s
+    )
+    rng = np.random.default_rng(5)
+    sender.add_heard(1, 0, 0)
+    before = sent_bytes("left")
+    for step in range(1000):
+        t_ns = step * 1_000_000
+        if sender.wants_pose(t_ns):
+            sender.add_pose(t_ns, (1e-3 * step, 5e-4 * step, 1e-4 * step), 3)
+        if step * 150 // 1000 != (step + 1) * 150 // 1000:  # every coefficient of such a channel needs all its bits
+            csi = (rng.normal(size=30) + 1j * rng.normal(size=30)).astype(np.complex64) * 30
+            sender.add_channel(step, t_ns, 7 * step * step % 997 + 1000 * step, csi, -50 - step % 7, 0)
+        if step % 100 == 99:
+            for data in sender.datagrams(t_ns):
+                link.send(data)
+    link.close()
+    after = sent_bytes("left")
+    assert before is not None
+    assert after is not None
+    print(f"bytes {after - before} counted {sender.sent_bytes} thinned {sender.thinned}")
+
+
 if __name__ == "__main__":
     make_pair()
     if sys.argv[1] == "fields":
         fields()
+    elif sys.argv[1] == "datagrams":
+        datagrams()
     else:
         asyncio.run({"echo": echo, "rate": rate}[sys.argv[1]]())

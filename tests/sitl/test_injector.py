@@ -76,6 +76,17 @@ def test_default_pings_stay_under_ten_kilobytes_a_second_at_the_interface() -> N
     assert 0 < float(words[1]) < 10_000
 
 
+@needs_namespace
+def test_datagrams_of_150_packets_and_50_poses_stay_under_five_kilobytes_a_second_at_the_interface() -> None:
+    words = inside("datagrams").split()
+    assert words[::2] == ["bytes", "counted", "thinned"]
+    at_interface, counted, thinned = map(int, words[1::2])
+    assert thinned == 0
+    assert 3000 < counted < 5000
+    # The kernel's count has what the network stack says of itself in it.
+    assert counted <= at_interface < 5000
+
+
 def test_the_counter_is_where_the_patched_driver_reads_it() -> None:
     frame = ping_frame(MAC, 0xA1B2C3D4, 57)
     assert len(frame) + 4 == 57
