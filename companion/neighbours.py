@@ -158,7 +158,7 @@ class Neighbour:
         self.counted = datagram.counted
         self.received.append((now_ns, datagram))
         self.relation.add_datagram(now_ns, datagram.sent_ns)
-        self.pairing.add_reverse(datagram.csi, datagram.counted)
+        self.pairing.add_reverse(datagram.csi, datagram.counted, now_ns)
         return True
 
     def take_echo(self, echo: wire.Echo, sent_ns: int, now_ns: int) -> None:

@@ -160,7 +160,12 @@ def _heard(
     elif elsewhere and not counters.records:
         groups = ", ".join(f"{count} in group {idx}" for idx, count in sorted(elsewhere.items()))
         moving = f"records came elsewhere: {groups}; set csi.connector_idx to the driver's"
-    yield Check("counters", counters.records > 0, f"{counters.records} records, {counters.lost} lost", moving)
+    yield Check(
+        "counters",
+        counters.records > 0,
+        f"{counters.records} records, {counters.lost} counted by the driver and never seen",
+        moving,
+    )
     if not counters.records:
         return
     yield _antennas(radio)
