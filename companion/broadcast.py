@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from collections import OrderedDict, deque
 from dataclasses import replace
 from math import ceil
@@ -164,17 +165,31 @@ class Link:
         self.unsent = 0
         """Datagrams the network would not take."""
         try:
+            self._choose_interface(neighbours.broadcast, neighbours.interface)
             # Bound to the group or broadcast address itself: nothing sent to one host only is taken for a broadcast.
             self._socket.bind(self._to)
-            if _is_multicast(neighbours.broadcast):
-                group = socket.inet_aton(neighbours.broadcast) + socket.inet_aton("0.0.0.0")
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
         except OSError as error:
             self._socket.close()
             raise CompanionError(
-                f"neighbours.port {neighbours.port}: cannot bind {neighbours.broadcast}: {error.strerror}"
+                f"neighbours.broadcast {neighbours.broadcast}, port {neighbours.port}: {error.strerror}; expected the "
+                "broadcast address of a network of this host, or a multicast group with neighbours.interface"
             ) from None
+
+    def _choose_interface(self, address: str, interface: str | None) -> None:
+        """Raises CompanionError for an interface that is not there, OSError where the kernel refuses."""
+        try:
+            index = 0 if interface is None else socket.if_nametoindex(interface)
+        except OSError:
+            self._socket.close()
+            raise CompanionError(f"neighbours.interface {interface}: there is no such interface") from None
+        if _is_multicast(address):
+            # Without an interface the kernel takes that of the route to the group, if it has any.
+            member = socket.inet_aton(address) + socket.inet_aton("0.0.0.0") + struct.pack("@i", index)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        elif interface is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode())
 
     def fileno(self) -> int:
         return self._socket.fileno()

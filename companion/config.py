@@ -108,7 +108,8 @@ class NeighbourConfig:
     broadcast: Ipv4 = "127.255.255.255"
     """The broadcast address of the robots' network, or a multicast group."""
     interface: str | None = None
-    """The network interface of that address; its bytes per second are shown in health where it is given."""
+    """The network interface that datagrams leave and enter by; its bytes per second are shown in health. Without it the
+    kernel's routes decide; a multicast group needs either."""
     refuse_lookalikes: bool = False
     """Let a robot whose profiles cannot be told from another's steer nothing. It is reported in any case."""
     rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0

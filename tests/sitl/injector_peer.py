@@ -17,6 +17,7 @@ from companion import wire
 from companion.broadcast import Link, NeighbourSender
 from companion.clock import MonotonicClock
 from companion.config import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
+from companion.errors import CompanionError
 from companion.pinger import Pinger
 from companion.traffic import sent_bytes
 from csi_bridge.injector import Injector, ping_frame, radiotap
@@ -136,11 +137,41 @@ def datagrams() -> None:
     print(f"bytes {after - before} counted {sender.sent_bytes} thinned {sender.thinned}")
 
 
+def addresses() -> None:
+    """A datagram to each kind of address, and whether it left by the interface and came back to its sender."""
+    subprocess.run(["ip", "addr", "add", "10.9.0.1/24", "broadcast", "10.9.0.255", "dev", "left"], check=True)
+    for address, interface in (
+        ("10.9.0.255", "left"),
+        ("255.255.255.255", "left"),
+        ("239.1.2.3", "left"),
+        ("239.1.2.3", None),
+        ("10.99.0.255", "left"),
+        ("10.9.0.255", "nosuch"),
+    ):
+        before = sent_bytes("left")
+        try:
+            link = Link(
+                dataclasses.replace(CONFIG, neighbours=NeighbourConfig("k", 17650, address, interface=interface))
+            )
+        except CompanionError as error:
+            print("refused", error)
+            continue
+        link.send(bytes(500))
+        time.sleep(0.05)
+        after = sent_bytes("left")
+        assert before is not None
+        assert after is not None
+        print("heard", len(link.drain()), "left", after - before >= 542)
+        link.close()
+
+
 if __name__ == "__main__":
     make_pair()
     if sys.argv[1] == "fields":
         fields()
     elif sys.argv[1] == "datagrams":
         datagrams()
+    elif sys.argv[1] == "addresses":
+        addresses()
     else:
         asyncio.run({"echo": echo, "rate": rate}[sys.argv[1]]())

@@ -87,6 +87,15 @@ def test_datagrams_of_150_packets_and_50_poses_stay_under_five_kilobytes_a_secon
     assert counted <= at_interface < 5000
 
 
+@needs_namespace
+def test_broadcast_and_multicast_use_the_interface_that_is_named() -> None:
+    *heard, routeless, elsewhere, missing = inside("addresses").splitlines()
+    assert heard == ["heard 1 left True"] * 3
+    assert routeless.startswith("refused neighbours.broadcast 239.1.2.3, port 17650: No such device; expected")
+    assert elsewhere.startswith("refused neighbours.broadcast 10.99.0.255")
+    assert missing == "refused neighbours.interface nosuch: there is no such interface"
+
+
 def test_the_counter_is_where_the_patched_driver_reads_it() -> None:
     frame = ping_frame(MAC, 0xA1B2C3D4, 57)
     assert len(frame) + 4 == 57
