@@ -177,8 +177,10 @@ def sender_of(data: bytes) -> int:
     """The id a datagram claims, to choose the key by. Raises WireError when it is not one of ours."""
     if data[:4] != _MAGIC:
         raise WireError(f"magic {data[:4]!r}, expected {_MAGIC!r}")
-    if len(data) > 4 and data[4] != VERSION:
-        raise VersionError(f"wire version {data[4]}, this program speaks {VERSION}: update the older robot")
+    if len(data) > 7 and data[4] != VERSION:
+        sender = data[6] | data[7] << 8
+        older = f"robot {sender}" if data[4] < VERSION else "this robot"
+        raise VersionError(f"robot {sender} speaks wire version {data[4]}, this program {VERSION}: update {older}")
     if len(data) < OVERHEAD_BYTES:
         raise WireError(f"{len(data)} bytes, expected at least {OVERHEAD_BYTES}")
     return data[6] | data[7] << 8

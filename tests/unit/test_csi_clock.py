@@ -89,6 +89,27 @@ def test_single_wrong_stamps_move_no_other_packet(wrong_s: float, clock: str) ->
     assert moved_s.max() < 1e-4
 
 
+@pytest.mark.parametrize("wrong_us", [300_000, -300_000, 20_000, -20_000])
+def test_a_wrong_stamp_in_flight_moves_no_other_packet(wrong_us: int) -> None:
+    true_ns, stamps_us, read_ns = run(WRAP_US - 5_000_000, -30e-6, seconds=20.0)
+    wrong = np.array([3, 700, 1000, 2500])
+    stamps_us[wrong] = (stamps_us[wrong] + wrong_us * np.array([10, 7, 5, 9]) // 10) % WRAP_US
+    clock = NicClock()
+    mapped_ns = np.array([clock.update(int(s), int(t)) for s, t in zip(stamps_us, read_ns, strict=True)])
+    assert clock.resets == 0
+    others = np.delete(np.arange(len(true_ns)), wrong)
+    assert np.abs(mapped_ns - true_ns - 1e5)[others[500:]].max() < 0.2e6
+    again_ns = clock.host_ns(stamps_us.astype(np.uint32))
+    assert np.abs(again_ns - true_ns - 1e5)[others].max() < 0.1e6
+
+
+def test_late_packets_are_found_out_by_two_that_agree() -> None:
+    clock = NicClock()
+    late_ms = [9, 8, 0.3, 7, 0.2, 6]
+    mapped_ms = [clock.update(10_000 * i, round((10 * i + late) * 1e6)) * 1e-6 for i, late in enumerate(late_ms)]
+    assert np.subtract(mapped_ms, 10 * np.arange(6)) == pytest.approx([9, 8, 0.3, 7, 0.2, 0.2], abs=0.01)
+
+
 def test_a_wrong_stamp_in_a_short_recording() -> None:
     host_s, stamps_us = np.asarray(np.arange(6) * 0.01 + 50.0, np.float64), np.arange(6, dtype=np.uint32) * 10_000
     wrong_s = host_s.copy()

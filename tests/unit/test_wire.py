@@ -97,9 +97,10 @@ def test_a_signed_datagram_of_wrong_length_is_refused() -> None:
 
 def test_another_version_is_named() -> None:
     data = bytearray(wire.encode(datagram(), KEY))
-    data[4] = 9
-    with pytest.raises(wire.WireError, match="version 9"):
-        wire.decode(bytes(data), KEYS)
+    for version, older in ((9, "update this robot"), (2, "update robot 2")):
+        data[4] = version
+        with pytest.raises(wire.VersionError, match=f"robot 2 speaks wire version {version}, .*{older}"):
+            wire.decode(bytes(data), KEYS)
 
 
 def receiver() -> NeighbourReceiver:

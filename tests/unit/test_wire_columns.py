@@ -73,7 +73,7 @@ def test_a_log_of_version_2_says_the_same_again() -> None:
     assert resigned(VERSION_2, EXAMPLE_KEY) == wire.encode(replace(example(), echo=None), EXAMPLE_KEY)
     with pytest.raises(wire.WireError, match="version 2"):
         resigned(VERSION_2[:60], EXAMPLE_KEY)
-    with pytest.raises(wire.VersionError, match="version 2, this program speaks 3"):
+    with pytest.raises(wire.VersionError, match="version 2, this program 3"):
         wire.decode(VERSION_2, [EXAMPLE_KEY])
 
 
