@@ -44,6 +44,7 @@ def make_pair() -> None:
 
 def fields() -> None:
     from scapy.layers.dot11 import Dot11, RadioTap
+    from scapy.packet import Raw
 
     sender, listener = Injector("left", 3), Injector("right", 1)
     sender.send(ping_frame(MAC, 0x01020304, 57))
@@ -59,6 +60,13 @@ def fields() -> None:
     flags = int(tap.TXFlags)
     print(f"radiotap txflags {flags} mcs {tap.MCS_index} bandwidth {tap.MCS_bandwidth} guard {tap.guard_interval}")
     print(f"frame {len(raw)} bytes, {len(raw) + 4} with check sum")
+    card = "00:16:ea:12:34:56"
+    built = (
+        RadioTap(present="Flags+TXFlags+MCS", Flags=0, TXFlags="NOACK", knownMCS=7, MCS_index=3)
+        / Dot11(type=2, subtype=0, ID=0xFFFF, addr1=card, addr2=card, addr3="00:21:6a:53:89:d2", SC=0)
+        / Raw(bytes([1, 2, 3, 4]) + bytes(range(4, 4 + 25)))
+    )
+    print("scapy makes the same bytes" if bytes(built) == data else f"scapy makes {bytes(built).hex()}")
 
 
 def received(listener: Injector) -> list[bytes]:

@@ -50,7 +50,7 @@ def inside(*arguments: str) -> str:
 
 
 @needs_namespace
-def test_scapy_reads_every_field_of_a_ping_on_the_wire() -> None:
+def test_scapy_reads_every_field_of_a_ping_on_the_wire_and_makes_the_same_bytes() -> None:
     lines = inside("fields").splitlines()
     assert lines == [
         "type 2 subtype 0 tods 0 duration 65535 sequence 0",
@@ -58,6 +58,7 @@ def test_scapy_reads_every_field_of_a_ping_on_the_wire() -> None:
         "counter 01020304 at 24 big-endian",
         "radiotap txflags 8 mcs 3 bandwidth 0 guard 0",
         "frame 53 bytes, 57 with check sum",
+        "scapy makes the same bytes",
     ]
 
 
