@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
+from companion.config import Config
 from companion.config_file import load_config
 from companion.errors import CompanionError
 from companion.radio_checks import Check, System, failed, live_checks, static_checks
@@ -39,11 +40,10 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
     for check in static_checks(config, System()):
         _show(check)
         checks.append(check)
-    try:
-        with _listening(seconds) as update:
-            heard = asyncio.run(live_checks(config, seconds, update))
-    except CompanionError as error:
-        heard = [Check("CSI source", False, str(error), "is the service running on the same socket?")]
+    if any(check.name == "connector" and check.ok is False for check in checks):
+        heard = [Check("counters", None, "not listened to: the connector does not deliver")]
+    else:
+        heard = _heard(config, seconds)
     for check in heard:
         _show(check)
     checks += heard
@@ -53,6 +53,15 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
         except OSError as error:
             raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
     failed(checks)
+
+
+def _heard(config: Config, seconds: float) -> list[Check]:
+    try:
+        with _listening(seconds) as update:
+            return asyncio.run(live_checks(config, seconds, update))
+    except CompanionError as error:
+        remedy = "is the service running on the same socket?" if config.csi.source == "unix" else ""
+        return [Check("CSI source", False, str(error), remedy)]
 
 
 @contextmanager

@@ -14,7 +14,13 @@ from rich.progress import Progress
 
 from companion.errors import CompanionError
 from csi_bridge.dat import DatFileError
-from csi_bridge.netlink import DEFAULT_CONNECTOR_IDX, NetlinkError, NetlinkFeeder, group_has_listener
+from csi_bridge.netlink import (
+    DEFAULT_CONNECTOR_IDX,
+    NetlinkError,
+    NetlinkFeeder,
+    connector_available,
+    group_has_listener,
+)
 from csi_bridge.replay import Feeder, play, read_tape
 from csi_bridge.unix_socket import UnixFeeder, is_listened_on
 
@@ -54,10 +60,10 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     if unix_path is not None:
         _await(lambda: is_listened_on(unix_path), f"{unix_path}: no service listens there", "csi.source: unix")
     else:
-        wanted = f"csi.source: netlink and csi.connector_idx: {connector_idx}"
-        _await(
-            lambda: group_has_listener(connector_idx) is not False, f"connector {connector_idx}: nobody joined", wanted
-        )
+        if group_has_listener(connector_idx) is False and (reason := connector_available(connector_idx)) is not None:
+            raise CompanionError(f"connector {connector_idx}: {reason}; --unix SOCKET works without")
+        name, wanted = f"connector {connector_idx}", f"csi.source: netlink and csi.connector_idx: {connector_idx}"
+        _await(lambda: group_has_listener(connector_idx) is not False, f"{name}: nobody has joined that group", wanted)
     start_s = time.monotonic()
     sent = taken = 0
     console = Console(stderr=True)
