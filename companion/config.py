@@ -20,6 +20,7 @@ Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
 _MIN_VIO_HZ = 20.0
+_POSES_PER_DATAGRAM = 25
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
 Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
 Metres3 = tuple[float, float, float]
@@ -283,6 +284,18 @@ class Config:
             found += [
                 f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
             ]
+        keys = [self.neighbours.key_file, *(key for p in self.peers for key in (p.key_file, p.next_key_file) if key)]
+        found += [
+            f"key_file: {key} stands twice; each robot that sends has its own, or one could pass for another"
+            for key in sorted(set(keys))
+            if keys.count(key) > 1
+        ]
+        least_hz = self.neighbours.pose_rate_hz / _POSES_PER_DATAGRAM
+        if self.neighbours.rate_hz < least_hz:
+            found.append(
+                f"neighbours.rate_hz: {self.neighbours.rate_hz:g}; expected at least {least_hz:g}, since a datagram "
+                f"carries {_POSES_PER_DATAGRAM} poses of the {self.neighbours.pose_rate_hz:g} a second"
+            )
         if self.ping.enabled and self.csi.interface is None:
             found.append("ping.enabled: needs csi.interface, the card's monitor interface")
         if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:
