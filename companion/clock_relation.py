@@ -26,6 +26,8 @@ _MAX_DRIFT: Final = 5e-3
 """Ten times what Linux slews a clock by; one host of the recordings is at 3500 ppm."""
 _LEAST_SPAN_NS: Final = 500_000_000
 _DATAGRAMS: Final = 100
+_BOUNDED_BY_NS: Final = 5_000_000_000
+"""How old a datagram may be that bounds the offset: of twenty neighbours each is echoed every two seconds."""
 _LONGEST_DELAY_NS: Final = 60_000_000
 _SLACK_NS: Final = 20_000_000
 """How far the middle of many host times may be off: hosts read late, never early."""
@@ -123,12 +125,23 @@ class ClockRelation:
         spread = 1.4826 * float(np.median(np.abs(level - middle)))
         uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
         # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
-        least = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
-        most = [middle + slope * (at - newest_ns) - bound for at, bound in self._echoed if at >= at_ns.min()]
+        first_ns = int(at_ns.min())
+        since_ns = min(first_ns, newest_ns - _BOUNDED_BY_NS)
+
+        def line_ns(at: int) -> float:
+            return middle + slope * (at - newest_ns)
+
+        least = [sent - line_ns(at) - _slack(first_ns - at) for at, sent in self._sent if at >= since_ns]
+        most = [line_ns(at) - bound - _slack(first_ns - at) for at, bound in self._echoed if at >= since_ns]
         round_trip_ns = -round(max(least) + max(most)) if least and most else None
         ahead = slope * (now_ns - newest_ns)
         uncertainty += max([0.0, *least, *most])
         return Offset(round(middle + ahead), uncertainty, len(samples), round_trip_ns)
+
+
+def _slack(before_ns: int) -> float:
+    """How far the line may be off, so long before the first exchange it rests on."""
+    return 2 * _DRIFT * max(0, before_ns)
 
 
 def _slope(at_ns: Times, samples_ns: Times) -> float:

@@ -151,6 +151,20 @@ def test_fault_24_shifted_counters_are_never_taken_for_a_clock_that_is_right(shi
         )
 
 
+def test_an_echo_every_few_seconds_is_enough() -> None:
+    """As with many neighbours, each echoed in turn: less often than the exchanges that are kept reach back."""
+    pair = Pair()
+    pair.frame = 100
+    original, echo = pair.sender.add_channel, pair.sender._echo
+    pair.sender.add_channel = lambda frame, *rest: original(frame - 4, *rest)  # type: ignore[method-assign]
+    turn = iter(range(10_000))
+    pair.sender._echo = lambda now_ns: echo(now_ns) if next(turn) % 40 == 0 else None  # type: ignore[method-assign]
+    pair.run(3.0)
+    for _ in range(50):
+        pair.run(0.1)
+        assert pair.beacon.not_locked(pair.clock.now_ns())
+
+
 def test_a_shift_is_believed_only_where_nobody_says_what_arrives_there() -> None:
     """One way alone cannot show a shift towards later: datagrams might be that slow."""
     pair = Pair()
