@@ -24,7 +24,7 @@ from csi_bridge.netlink import (
 from csi_bridge.replay import Feeder, play, read_tape
 from csi_bridge.unix_socket import UnixFeeder, is_listened_on
 
-_PATIENCE_S: Final = 5.0
+_PATIENCE_S: Final = 3.0
 
 
 @click.command()
