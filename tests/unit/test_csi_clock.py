@@ -191,3 +191,18 @@ def test_a_host_that_stalled_is_no_reset_of_the_card() -> None:
         assert abs(clock.update(number * 5000, late_ns) - 10_000_000_000 - number * 5_000_000) < 200_000
     assert abs(clock.update(1400 * 5000, late_ns) - late_ns) < 200_000
     assert clock.resets == 0
+
+
+def test_so_it_does_at_the_default_rate_of_pings() -> None:
+    """What an aperture uses, which takes its times anew when it is cut: 120 packets a second, whatever the draw."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        true_ns = np.cumsum(rng.exponential(1e9 / 120, 3600)) + 5e12
+        stamps_us = np.round((true_ns - true_ns[0]) * 1e-3 * (1 + 30e-6)).astype(np.int64)
+        outlier = rng.random(len(true_ns)) < 0.05
+        read_ns = true_ns + rng.uniform(0, 20e6, len(true_ns)) + outlier * rng.uniform(0, 480e6, len(true_ns))
+        clock = NicClock()
+        for stamp_us, now_ns in zip(stamps_us, read_ns, strict=True):
+            clock.update(int(stamp_us), int(now_ns))
+        leg = slice(-480, None)  # four seconds
+        assert np.abs(clock.host_ns(stamps_us[leg].astype(np.uint32)) - true_ns[leg]).max() < 0.2e6, seed
