@@ -15,11 +15,10 @@ from companion.errors import CompanionError
 from companion.inputs import LiveInputs
 from companion.nl80211 import channel_mhz
 from companion.node import macs
+from companion.pinger import MONITOR
 from companion.radio import ChannelSample, Radio
 from csi_bridge.netlink import ConnectorProbe, connector_available
 
-_MONITOR: Final = 803
-"""ARPHRD_IEEE80211_RADIOTAP of if_arp.h: an interface in monitor mode."""
 _LOG_CSI: Final = 0x01
 _MIN_RATE_HZ: Final = 40.0
 _LOCK_SPAN_S: Final = 1.0
@@ -129,8 +128,8 @@ def _interface(config: Config, system: System) -> Iterator[Check]:
         yield Check("interface", False, f"{name} is not there", f"iw phy phy0 interface add {name} type monitor")
         return
     yield Check(
-        "interface", kind == _MONITOR, f"{name} is {'in' if kind == _MONITOR else 'not in'} monitor mode",
-        "" if kind == _MONITOR else f"ip link set {name} down; iw dev {name} set type monitor; ip link set {name} up",
+        "interface", kind == MONITOR, f"{name} is {'in' if kind == MONITOR else 'not in'} monitor mode",
+        "" if kind == MONITOR else f"ip link set {name} down; iw dev {name} set type monitor; ip link set {name} up",
     )  # fmt: skip
     yield Check("interface up", state != "down", state, "" if state != "down" else f"ip link set {name} up")
     yield _channel(config, name)

@@ -5,10 +5,15 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from companion.clock import MonotonicClock
+from companion.config import Config, CsiConfig, NeighbourConfig, PingConfig
+from companion.errors import CompanionError
+from companion.pinger import open_pinger
 from csi_bridge.injector import (
     CARD_ADDRESS,
     Injector,
@@ -129,6 +134,17 @@ def test_anything_else_is_no_ping() -> None:
     assert parse_capture(with_check_sum) == Ping(MAC, 7, 53)
     with_time = bytes([0, 0, 17, 0, 3, 0, 0, 0]) + bytes(8) + b"\x10" + ping_frame(MAC, 7, 57) + b"\0\0\0\0"
     assert parse_capture(with_time) == Ping(MAC, 7, 53)
+
+
+def test_nothing_is_sent_on_an_interface_that_is_no_monitor() -> None:
+    config = Config(
+        "uav", 1, "uav", CsiConfig(108, interface="lo"), NeighbourConfig("k"), [], ping=PingConfig(enabled=True)
+    )
+    with pytest.raises(CompanionError, match=r"csi.interface lo: it is not in monitor mode \(type 772, expected 803\)"):
+        open_pinger(config, MonotonicClock())
+    missing = replace(config, csi=CsiConfig(108, interface="nosuch0"))
+    with pytest.raises(CompanionError, match="nosuch0: there is no such interface"):
+        open_pinger(missing, MonotonicClock())
 
 
 def test_a_missing_interface_is_named() -> None:
