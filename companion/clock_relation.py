@@ -10,6 +10,7 @@ the offset that the fastest datagram allows.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -26,6 +27,7 @@ _MAX_DRIFT: Final = 5e-3
 """Ten times what Linux slews a clock by; one host of the recordings is at 3500 ppm."""
 _LEAST_SPAN_NS: Final = 500_000_000
 _DATAGRAMS: Final = 100
+_RECENT_NS: Final = 1_000_000_000
 _BOUNDED_BY_NS: Final = 5_000_000_000
 """How old a datagram may be that bounds the offset: of twenty neighbours each is echoed every two seconds."""
 _LONGEST_DELAY_NS: Final = 60_000_000
@@ -124,24 +126,28 @@ class ClockRelation:
         middle = float(np.median(level))
         spread = 1.4826 * float(np.median(np.abs(level - middle)))
         uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
+        first_ns, slack = int(at_ns.min()), max(2 * _DRIFT, abs(slope))
+
+        def beyond_ns(at: int, bound: int, sign: int) -> float:
+            """By how much the line is on the wrong side of a bound; before its first exchange it may be off."""
+            return sign * (bound - middle - slope * (at - newest_ns)) - slack * max(0, first_ns - at)
+
         # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
-        first_ns = int(at_ns.min())
-        since_ns = min(first_ns, newest_ns - _BOUNDED_BY_NS)
-
-        def line_ns(at: int) -> float:
-            return middle + slope * (at - newest_ns)
-
-        least = [sent - line_ns(at) - _slack(first_ns - at) for at, sent in self._sent if at >= since_ns]
-        most = [line_ns(at) - bound - _slack(first_ns - at) for at, bound in self._echoed if at >= since_ns]
+        least = [beyond_ns(at, bound, 1) for at, bound in _recent(self._sent, newest_ns)]
+        most = [beyond_ns(at, bound, -1) for at, bound in _recent(self._echoed, newest_ns)]
         round_trip_ns = -round(max(least) + max(most)) if least and most else None
         ahead = slope * (now_ns - newest_ns)
         uncertainty += max([0.0, *least, *most])
         return Offset(round(middle + ahead), uncertainty, len(samples), round_trip_ns)
 
 
-def _slack(before_ns: int) -> float:
-    """How far the line may be off, so long before the first exchange it rests on."""
-    return 2 * _DRIFT * max(0, before_ns)
+def _recent(bounds: Iterable[tuple[int, int]], newest_ns: int) -> list[tuple[int, int]]:
+    """Those of the last second, since a card's clock is known the better the longer it was heard; older ones where
+    there are none."""
+    for reach_ns in (_RECENT_NS, _BOUNDED_BY_NS):
+        if found := [(at, bound) for at, bound in bounds if at >= newest_ns - reach_ns]:
+            return found
+    return []
 
 
 def _slope(at_ns: Times, samples_ns: Times) -> float:
