@@ -14,10 +14,12 @@ from matplotlib.figure import Figure
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.intake import crowds, line, plot, throughput
-from benchmarks.profiles import ProfileRow, atom_profile_s, profile_rows
+from benchmarks.profiles import ProfileRow, atom_profile_s, grid_times_s, profile_rows
 from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
 COUNTS = (400, 880, 2000, 5000)
+GRID_ROWS = (30, 60, 90, 180, 360)
+_GRID_PACKETS = 880
 _ATOM_PACKETS = 2000
 _GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "approach.mcap"
 
@@ -51,13 +53,10 @@ def main(
             json_path.write_text(json.dumps({"intake": intake}, indent=2) + "\n")
         return
     rows = profile_rows(COUNTS)
-    click.echo("360 x 180 far-field profile, and 32 more packets in a sliding window [ms]")
-    click.echo(f"{'packets':>8} {'naive':>9} {'gemm':>8} {'ours':>8} {'naive/ours':>11} {'+32':>7} {'+32/ours':>9}")
-    for row in rows:
-        click.echo(
-            f"{row.packets:>8} {1e3 * row.naive_s:>9.0f} {1e3 * row.gemm_s:>8.1f} {1e3 * row.ours_s:>8.2f} "
-            f"{row.naive_s / row.ours_s:>11.0f} {1e3 * row.batch_s:>7.2f} {row.batch_s / row.ours_s:>9.3f}"
-        )
+    _print_profiles(rows)
+    grids = grid_times_s(_GRID_PACKETS, GRID_ROWS)
+    sizes = ", ".join(f"{2 * size} x {size}: {1e3 * seconds:.2f} ms" for size, seconds in grids.items())
+    click.echo(f"far-field profile of {_GRID_PACKETS} packets on other grids: {sizes}")
     atom_s = atom_profile_s(_ATOM_PACKETS)
     naive_s = next(row.naive_s for row in rows if row.packets == _ATOM_PACKETS)
     click.echo(
@@ -74,11 +73,25 @@ def main(
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
+        figures |= {"grids_s": grids}
         figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
         figures |= {"recording": asdict(recording), "replay_factor": factor}
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
-        _plot(rows, times, out)
+        _plot(rows, grids, times, out)
+
+
+def _print_profiles(rows: list[ProfileRow]) -> None:
+    click.echo("360 x 180 far-field profile; 32 more packets in a sliding window, and its profile read too [ms]")
+    click.echo(
+        f"{'packets':>8} {'naive':>9} {'gemm':>8} {'ours':>8} {'naive/ours':>11} {'+32':>7} {'+32/ours':>9} {'read':>7}"
+    )
+    for row in rows:
+        click.echo(
+            f"{row.packets:>8} {1e3 * row.naive_s:>9.0f} {1e3 * row.gemm_s:>8.1f} {1e3 * row.ours_s:>8.2f} "
+            f"{row.naive_s / row.ours_s:>11.0f} {1e3 * row.batch_s:>7.2f} {row.batch_s / row.ours_s:>9.3f} "
+            f"{1e3 * row.batch_read_s:>7.2f}"
+        )
 
 
 def _print_estimates(times: EstimateTimes) -> None:
@@ -100,22 +113,28 @@ def _print_informativeness(times: InformativenessTimes) -> None:
 
 
 def _print_recording(cost: RecorderCost, factor: float) -> None:
+    shares = f"{100 * cost.writer_share:.1f} the writer's thread, {100 * cost.calls_share:.1f} the calls"
     click.echo(
-        f"recording all streams: {100 * cost.core_share:.1f} % of a core at {cost.messages_per_s:.0f} messages/s and "
-        f"{cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, {cost.dropped} dropped"
+        f"recording at full rate: {100 * cost.core_share:.1f} % of a core ({shares}), {cost.messages_per_s:.0f} "
+        f"messages/s, {cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, "
+        f"{cost.dropped} dropped"
     )
     click.echo(f"replay of the golden log: {factor:.0f} times real time")
 
 
-def _plot(rows: list[ProfileRow], times: EstimateTimes, out: Path) -> None:
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
+def _plot(rows: list[ProfileRow], grids: dict[int, float], times: EstimateTimes, out: Path) -> None:
+    figure = Figure(figsize=(12, 3.8), layout="constrained")
     FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
+    left, middle, right = figure.subplots(1, 3)
     packets = [row.packets for row in rows]
-    for name, style in (("naive_s", "k--o"), ("gemm_s", "k:s"), ("ours_s", "k-o"), ("batch_s", "k-.^")):
-        left.loglog(packets, [1e3 * getattr(row, name) for row in rows], style, label=name.removesuffix("_s"))
-    left.set(xlabel="packets", ylabel="time [ms]", title="far-field profile")
+    named = {"naive_s": "naive", "gemm_s": "GEMM", "ours_s": "ours", "batch_s": "ours, 32 more packets"}
+    for (name, label), style in zip(named.items(), ("k--o", "k:s", "k-o", "k-.^"), strict=True):
+        left.loglog(packets, [1e3 * getattr(row, name) for row in rows], style, label=label)
+    left.set(xlabel="packets", ylabel="time [ms]", title="far-field profile, 360 x 180")
     left.legend()
+    directions = [2 * size * size for size in grids]
+    middle.loglog(directions, [1e3 * seconds for seconds in grids.values()], "k-o")
+    middle.set(xlabel="directions", ylabel="time [ms]", title=f"far-field profile, {_GRID_PACKETS} packets")
     counts = np.array(list(times.links_s))
     right.plot(counts, 1e3 * np.array(list(times.links_s.values())), "k-o")
     right.set(xlabel="transmitters", ylabel="time [ms]", title="robust estimates of one iteration", ylim=(0, None))

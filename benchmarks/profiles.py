@@ -14,6 +14,7 @@ import numpy.typing as npt
 from benchmarks.scenes import WAVELENGTH_M, helix
 from benchmarks.timing import best_s
 from wsr.geometry import direction
+from wsr.kernel import bartlett_power
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile, bartlett_profile_oracle
 from wsr.sliding import SlidingProfile
 
@@ -30,7 +31,9 @@ class ProfileRow:
     gemm_s: float
     ours_s: float
     batch_s: float
-    """Adding a batch of 32 packets to a sliding window and reading its profile."""
+    """Adding a batch of 32 packets to a sliding window."""
+    batch_read_s: float
+    """Adding it and reading the window's profile."""
 
 
 def profile_rows(counts: tuple[int, ...]) -> list[ProfileRow]:
@@ -47,6 +50,7 @@ def profile_rows(counts: tuple[int, ...]) -> list[ProfileRow]:
                 best_s(lambda chi=chi, g=g: _gemm_profile(chi, g), repeats=2),  # type: ignore[misc]
                 best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M)),  # type: ignore[misc]
                 best_s(_slide(window, chi, g)),
+                best_s(_slide(window, chi, g, read=True)),
             )
         )
     return rows
@@ -66,10 +70,19 @@ def atom_profile_s(packets: int) -> float:
     return float(done.stdout)
 
 
-def _slide(window: SlidingProfile, chi: npt.NDArray[np.float64], g: npt.NDArray[np.complex128]) -> Callable[[], object]:
+def grid_times_s(packets: int, sizes: tuple[int, ...]) -> dict[int, float]:
+    """Ours on grids of so many rows, and twice as many columns [s]."""
+    aperture = helix(packets)
+    chi = aperture.chi_m * (2.0 / WAVELENGTH_M)
+    return {size: best_s(lambda size=size: bartlett_power(chi, aperture.channel, size)) for size in sizes}  # type: ignore[misc]
+
+
+def _slide(
+    window: SlidingProfile, chi: npt.NDArray[np.float64], g: npt.NDArray[np.complex128], read: bool = False
+) -> Callable[[], object]:
     def work() -> object:
         window.add(chi[:BATCH], g[:BATCH])
-        return window.profile()
+        return window.profile() if read else None
 
     return work
 

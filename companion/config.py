@@ -68,7 +68,7 @@ class PoseConfig:
     """Program and arguments of the camera's reader, which the service then starts and restarts. Empty when systemd
     does."""
     recording: str = ""
-    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z, qx, qy, qz, qw."""
+    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z and, where known, qx, qy, qz, qw."""
     natnet: NatNetConfig = field(default_factory=NatNetConfig)
     north: Literal["config", "autopilot"] = "config"
     """Who knows where North is: north_yaw_deg, or the autopilot's heading over a still period before the flight."""

@@ -39,11 +39,13 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 # A block is long enough that adding up vector lanes at its end costs little; a tile of columns needs, row after row,
 # the same 30 entries of both tables but one, 250 kB, which the second-level cache holds.
-_BLOCK = 1024
-_TILE = 10
-# Up to so many packets vector lanes run over columns instead of packets.
+_BLOCK = 512
+_TILE = 30
+# Up to so many packets vector lanes run over columns instead of packets, in groups of so many packets. Columns are then
+# padded to a multiple of 64, so that no column is left over for a loop without lanes.
 _FEW = 96
-_GROUP = 4
+_GROUP = 8
+_WIDE = 64
 # float32 in a cache line of 64 bytes.
 _LINE = 16
 
@@ -171,39 +173,35 @@ def _turn(
 
 @compiled
 def _add(
-    size: int,
-    plus_cos: Array32,
-    plus_sin: Array32,
-    minus_cos: Array32,
-    minus_sin: Array32,
-    up_re: Array32,
-    up_im: Array32,
-    down_re: Array32,
-    down_im: Array32,
-    cell: Array32,
+    size: int, tables: Array32, turned: Array32, plus: int, minus: int, row: int, column: int, sums: Array32
 ) -> None:
-    """Add a block of packets to the eight sums (8,) of one direction and its mirrors: the inner loop."""
+    """Add a block of packets to the eight sums of one direction and its mirrors: the inner loop.
+
+    It takes whole arrays and indices: making views of their rows for each call costs as much as a hundred packets.
+    """
     ur_c = ui_c = dr_c = di_c = np.float32(0.0)
     ur_s = ui_s = dr_s = di_s = np.float32(0.0)
     for k in range(size):
-        cosine = plus_cos[k] * minus_cos[k] - plus_sin[k] * minus_sin[k]
-        sine = plus_sin[k] * minus_cos[k] + plus_cos[k] * minus_sin[k]
-        ur_c += up_re[k] * cosine
-        ui_c += up_im[k] * cosine
-        dr_c += down_re[k] * cosine
-        di_c += down_im[k] * cosine
-        ur_s += up_re[k] * sine
-        ui_s += up_im[k] * sine
-        dr_s += down_re[k] * sine
-        di_s += down_im[k] * sine
-    cell[0] += ur_c
-    cell[1] += ui_c
-    cell[2] += dr_c
-    cell[3] += di_c
-    cell[4] += ur_s
-    cell[5] += ui_s
-    cell[6] += dr_s
-    cell[7] += di_s
+        plus_cos, plus_sin = tables[0, plus, k], tables[1, plus, k]
+        minus_cos, minus_sin = tables[2, minus, k], tables[3, minus, k]
+        cosine = plus_cos * minus_cos - plus_sin * minus_sin
+        sine = plus_sin * minus_cos + plus_cos * minus_sin
+        ur_c += turned[0, row, k] * cosine
+        ui_c += turned[1, row, k] * cosine
+        dr_c += turned[2, row, k] * cosine
+        di_c += turned[3, row, k] * cosine
+        ur_s += turned[0, row, k] * sine
+        ui_s += turned[1, row, k] * sine
+        dr_s += turned[2, row, k] * sine
+        di_s += turned[3, row, k] * sine
+    sums[0, row, column] += ur_c
+    sums[1, row, column] += ui_c
+    sums[2, row, column] += dr_c
+    sums[3, row, column] += di_c
+    sums[4, row, column] += ur_s
+    sums[5, row, column] += ui_s
+    sums[6, row, column] += dr_s
+    sums[7, row, column] += di_s
 
 
 @compiled
@@ -226,59 +224,60 @@ def _sum_up(
     (4, entries, block) and `turned` (4, T/2, block) are room to work in."""
     entries, columns = sin_plus.size, cos_polar.size
     rows = columns // 2
-    # By index: unpacked, the compiler would not know that rows are contiguous.
-    plus_cos, plus_sin, minus_cos, minus_sin = tables[0], tables[1], tables[2], tables[3]
-    up_re, up_im, down_re, down_im = turned[0], turned[1], turned[2], turned[3]
     for start in range(0, x.size, _BLOCK):
         bx, by, bz = x[start : start + _BLOCK], y[start : start + _BLOCK], z[start : start + _BLOCK]
         turns = np.empty(bx.size, np.float64)
         for entry in range(entries):
             _across(bx, by, 0.5 * sin_plus[entry], -0.5 * cos_plus[entry], turns)
-            phasors(turns, plus_cos[entry], plus_sin[entry])
+            phasors(turns, tables[0, entry], tables[1, entry])
             _across(bx, by, 0.5 * sin_minus[entry], 0.5 * cos_minus[entry], turns)
-            phasors(turns, minus_cos[entry], minus_sin[entry])
+            phasors(turns, tables[2, entry], tables[3, entry])
         for row in range(rows):
             _turn(
                 bz * cos_polar[row],
                 g_re[start : start + _BLOCK],
                 g_im[start : start + _BLOCK],
-                up_re[row],
-                up_im[row],
-                down_re[row],
-                down_im[row],
+                turned[0, row],
+                turned[1, row],
+                turned[2, row],
+                turned[3, row],
             )
         for first in range(0, columns, _TILE):
             for row in range(rows):
                 for column in range(first, min(first + _TILE, columns)):
-                    _add(
-                        bx.size,
-                        plus_cos[row + column],
-                        plus_sin[row + column],
-                        minus_cos[row - column + columns - 1],
-                        minus_sin[row - column + columns - 1],
-                        up_re[row],
-                        up_im[row],
-                        down_re[row],
-                        down_im[row],
-                        sums[:, row, column],
-                    )
+                    _add(bx.size, tables, turned, row + column, row - column + columns - 1, row, column, sums)
 
 
 @compiled
-def _add_group(total: Array32, weight: Array32, a: Array32, b: Array32, c: Array32, d: Array32) -> None:
-    """total (P,) += weight (4,) . (a, b, c, d), each (P,)."""
-    for column in range(total.size):
-        total[column] += (weight[0] * a[column] + weight[1] * b[column]) + (
-            weight[2] * c[column] + weight[3] * d[column]
-        )
+def _rotate(tables: Array32, member: int, plus: int, minus: int, phasor: Array32) -> None:
+    """Cosines and sines (2, group, P) of a member's sums of two angles over the columns of a row.
+
+    Its entries in the tables start at `plus` and `minus`.
+    """
+    if plus < 0 or minus < 0:  # never; but without it the compiler fears that indices wrap around, and uses no lanes
+        return
+    for column in range(phasor.shape[2]):
+        plus_cos, plus_sin = tables[0, member, plus + column], tables[1, member, plus + column]
+        minus_cos, minus_sin = tables[2, member, minus + column], tables[3, member, minus + column]
+        phasor[0, member, column] = plus_cos * minus_cos - plus_sin * minus_sin
+        phasor[1, member, column] = plus_sin * minus_cos + plus_cos * minus_sin
 
 
 @compiled
-def _rotate(pc: Array32, ps: Array32, mc: Array32, ms: Array32, cosine: Array32, sine: Array32) -> None:
-    """Phasors (P,) of the sums of two angles. A function of its own: whole slices are what the compiler vectorises."""
-    for column in range(cosine.size):
-        cosine[column] = pc[column] * mc[column] - ps[column] * ms[column]
-        sine[column] = ps[column] * mc[column] + pc[column] * ms[column]
+def _add_group(total: Array32, row: int, turned: Array32, phasor: Array32) -> None:
+    """Add a group of packets to one row of the sums (8, T/2, P)."""
+    for part in range(4):
+        a, b, c, d = turned[part, row, 0], turned[part, row, 1], turned[part, row, 2], turned[part, row, 3]
+        e, f, g, h = turned[part, row, 4], turned[part, row, 5], turned[part, row, 6], turned[part, row, 7]
+        for half in range(2):
+            for column in range(phasor.shape[2]):
+                total[part + 4 * half, row, column] += (
+                    (a * phasor[half, 0, column] + b * phasor[half, 1, column])
+                    + (c * phasor[half, 2, column] + d * phasor[half, 3, column])
+                ) + (
+                    (e * phasor[half, 4, column] + f * phasor[half, 5, column])
+                    + (g * phasor[half, 6, column] + h * phasor[half, 7, column])
+                )
 
 
 @compiled
@@ -295,18 +294,17 @@ def _sum_up_few(
     cos_minus: Array64,
     cos_polar: Array64,
 ) -> None:
-    """`_sum_up` for few packets, four at a time: its vector lanes run over columns, so that none has to be added up."""
+    """`_sum_up` for few packets, a group at a time: vector lanes run over columns, so that none has to be added up."""
     entries, columns = sin_plus.size, cos_polar.size
     rows = columns // 2
+    wide = -(-columns // _WIDE) * _WIDE
+    total = np.zeros((8, rows, wide), np.float32)
     # Zeros, not empty: members of the last group that stand for no packet have no weight, but must be finite.
-    plus_cos = np.zeros((_GROUP, entries), np.float32)
-    plus_sin = np.zeros((_GROUP, entries), np.float32)
-    minus_cos = np.zeros((_GROUP, entries), np.float32)
-    minus_sin = np.zeros((_GROUP, entries), np.float32)
-    cosine = np.empty((_GROUP, columns), np.float32)
-    sine = np.empty((_GROUP, columns), np.float32)
+    tables = np.zeros((4, _GROUP, entries + _WIDE), np.float32)
+    phasor = np.empty((2, _GROUP, wide), np.float32)
     turns = np.empty(entries, np.float64)
-    up = np.empty((4, rows * _GROUP), np.float32)
+    turned = np.empty((4, rows, _GROUP), np.float32)
+    up = turned.reshape(4, rows * _GROUP)
     bz = np.empty(rows * _GROUP, np.float64)
     group_re = np.empty(rows * _GROUP, np.float32)
     group_im = np.empty(rows * _GROUP, np.float32)
@@ -316,12 +314,12 @@ def _sum_up_few(
             bx, by = 0.5 * x[start + k], 0.5 * y[start + k]
             for entry in range(entries):
                 turns[entry] = bx * sin_plus[entry] - by * cos_plus[entry]
-            phasors(turns, plus_cos[k], plus_sin[k])
+            phasors(turns, tables[0, k, :entries], tables[1, k, :entries])
             # Backwards, so that it is read forwards over the columns.
             for entry in range(entries):
                 back = entries - 1 - entry
                 turns[entry] = bx * sin_minus[back] + by * cos_minus[back]
-            phasors(turns, minus_cos[k], minus_sin[k])
+            phasors(turns, tables[2, k, :entries], tables[3, k, :entries])
         bz[:] = 0.0
         group_re[:] = 0.0
         group_im[:] = 0.0
@@ -334,15 +332,9 @@ def _sum_up_few(
         for row in range(rows):
             shift = entries - columns - row
             for k in range(_GROUP):
-                _rotate(
-                    plus_cos[k, row : row + columns],
-                    plus_sin[k, row : row + columns],
-                    minus_cos[k, shift : shift + columns],
-                    minus_sin[k, shift : shift + columns],
-                    cosine[k],
-                    sine[k],
-                )
-            for part in range(4):
-                weight = up[part, row * _GROUP : (row + 1) * _GROUP]
-                _add_group(sums[part, row], weight, cosine[0], cosine[1], cosine[2], cosine[3])
-                _add_group(sums[part + 4, row], weight, sine[0], sine[1], sine[2], sine[3])
+                _rotate(tables, k, row, shift, phasor)
+            _add_group(total, row, turned, phasor)
+    for part in range(8):
+        for row in range(rows):
+            for column in range(columns):
+                sums[part, row, column] += total[part, row, column]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -36,7 +38,7 @@ def test_shipped_configurations_load_and_survive_a_round_trip(path: Path, tmp_pa
     assert load_config(tmp_path / "copy.yaml") == config
 
 
-def test_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path) -> None:
+def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path) -> None:
     path = write(
         tmp_path,
         csi={"channel": 7, "sorce": "unix"},
@@ -49,6 +51,10 @@ def test_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path) -> None
         assert key in text
     assert "did you mean source?" in text
     assert "5 errors" in text
+    command = [sys.executable, "-m", "companion", "run", "--config", str(path)]
+    refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert text in refused.stderr
 
 
 @pytest.mark.parametrize(
