@@ -108,8 +108,8 @@ def simulated(
     level: bool = False,
 ) -> Trial:
     """Channels of both directions over 30 subcarriers (or their product at the centre alone), each with `snr_db`, from
-    exact distances; every packet has its own phase and detection delay. Poses err by `pose_error_m` (M, 3). `level`: a source at the
-    path's own height."""
+    exact distances; every packet has its own phase and detection delay. Poses err by `pose_error_m` (M, 3).
+    `level`: a source at the path's own height."""
     u = direction(rng.uniform(-np.pi, np.pi), np.pi / 2 if level else math.acos(rng.uniform(-0.8, 0.8)))
     source = path_m.mean(axis=0) + range_m * u
     indices = SUBCARRIERS_20MHZ if wideband else np.zeros(1)
