@@ -17,7 +17,7 @@ from wsr.estimators.options import RobustOptions
 
 STEPS = [field.name for field in fields(RobustOptions) if isinstance(getattr(DEFAULT, field.name), bool)]
 """Switches proper; the delay, the scales, the coherent step and the share of power are numbers that do the same."""
-NUMBERS = ["delay_ns", "scales", "coherent_above", "power_share"]
+NUMBERS = ["delay_ns", "scales", "coherent_above", "power_share", "weak_below"]
 
 
 @pytest.mark.parametrize("name", [*STEPS, *NUMBERS])
