@@ -16,7 +16,9 @@ from wsr.aperture import Aperture, make_aperture
 from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
 from wsr.errors import ApertureError
 from wsr.estimators.far_field import FarField
-from wsr.estimators.music import Music, cut, source_number
+from wsr.estimators.music import Music
+from wsr.estimators.source_number import source_number
+from wsr.estimators.stretches import cut
 from wsr.geometry import direction, great_circle
 from wsr.path_bins import Bins
 
@@ -156,16 +158,63 @@ def test_level_circle_reports_the_upper_image_and_lists_the_lower() -> None:
 
 
 def test_errors_are_as_large_as_the_estimate_says() -> None:
-    """Both ways: few errors beyond three deviations, and deviations that are not simply large."""
+    """With poses that wander: few errors beyond three deviations, and deviations that are not simply large."""
     _, p = weave()
     u = np.array([0.6, 0.64, 0.48])
     ratios = []
     for seed in range(16):
-        estimate, _ = Music().estimate(_exchange(p, (far(p, u),), seed, snr_db=8.0))
+        wander = np.cumsum(np.random.default_rng(seed).normal(size=p.shape), axis=0)
+        wander *= 0.03 / np.sqrt(((wander - wander.mean(axis=0)) ** 2).sum(axis=1).mean())
+        aperture = _exchange(p, (far(p, u),), seed)
+        estimate, _ = Music().estimate(replace(aperture, chi_m=aperture.chi_m + wander - wander.mean(axis=0)))
         error = math.remainder(estimate.azimuth_rad - math.atan2(u[1], u[0]), math.tau)
         ratios.append(error / estimate.azimuth_std_rad)
     assert np.mean(np.abs(ratios) < 3) >= 0.9
     assert 0.2 < float(np.sqrt(np.mean(np.square(ratios)))) < 2.0
+
+
+def test_noise_alone_is_not_reliable() -> None:
+    _, p = weave()
+    rng = np.random.default_rng(4)
+    ahead, back = (rng.normal(size=(2, 600, 30)) + 1j * rng.normal(size=(2, 600, 30))).astype(np.complex64)
+    t = np.linspace(0.0, 3.0, 600)
+    estimate, _ = Music().estimate(
+        make_aperture(t, p, (ahead * back).mean(axis=1), WAVELENGTH_M, forward=ahead, reverse=back)
+    )
+    assert estimate.reliability < 0.2
+    assert estimate.azimuth_std_rad > math.radians(15)
+
+
+def test_packets_without_a_signal_are_dropped() -> None:
+    _, p = weave()
+    u = np.array([0.6, 0.64, 0.48])
+    aperture = _exchange(p, (far(p, u),))
+    silent = np.random.default_rng(5).random(600) < 0.5
+    assert aperture.forward is not None
+    assert aperture.reverse is not None
+    half = replace(
+        aperture,
+        channel=np.where(silent, 0, aperture.channel),
+        forward=np.where(silent[:, None], 0, aperture.forward),
+        reverse=np.where(silent[:, None], 0, aperture.reverse),
+    )
+    estimate, _ = Music().estimate(half)
+    assert _error_deg(estimate, u) < 1.0
+    assert estimate.dropped == {"no signal": int(silent.sum())}
+    none = replace(half, channel=np.where(np.arange(600) < 15, aperture.channel, 0), forward=None, reverse=None)
+    with pytest.raises(ApertureError, match="only 15 of 600 packets have a signal"):
+        Music().estimate(none)
+
+
+def test_a_wrong_model_is_no_second_path() -> None:
+    """Poses that are wrong by half a wavelength spread one source over the dimensions that MDL counts."""
+    t, p = weave()
+    u = np.array([0.6, 0.64, 0.48])
+    aperture = _exchange(p, (far(p, u),))
+    wrong = 0.01 * np.stack([np.sin(9 * t), np.cos(11 * t), np.sin(13 * t)], axis=-1)
+    swung = replace(aperture, chi_m=aperture.chi_m + wrong - wrong.mean(axis=0))
+    estimate, _ = Music(max_sources=4).estimate(swung)
+    assert len(estimate.paths) == 1
 
 
 def test_without_subcarriers_the_product_gives_one_path() -> None:

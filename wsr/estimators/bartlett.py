@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wsr.aoa import AoaEstimate, describe
+from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
+from wsr.estimators.description import describe, without_image
+from wsr.estimators.trust import Evidence
 from wsr.peaks import Peak, find_peaks, mirrored
 from wsr.profile import Profile, bartlett_profile
 
@@ -33,7 +36,15 @@ class Bartlett:
             channel = aperture.forward[:, column].astype(np.complex128) * aperture.reverse[:, column]
         profile = bartlett_profile(aperture.chi_m, channel, aperture.wavelength_m)
         best, *others = find_peaks(profile, _PATHS)
-        estimate = describe(aperture, channel, best, _image(aperture, best), tuple(others))
+        image = _image(aperture, best)
+        rivals = without_image(tuple(others), best, image)
+        evidence = Evidence(
+            coherence=math.sqrt(min(best.power, 1.0)),
+            rival=max((rival.relative_power for rival in rivals), default=0.0),
+            packets=aperture.packets,
+            length_wavelengths=2 * aperture.extents_m[0] / aperture.wavelength_m,
+        )
+        estimate = describe(aperture, channel, best, image, rivals, evidence)
         x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + aperture.chi_m[0])
         return replace(estimate, reference_p_m=(x, y, z), reference_t_s=float(aperture.t_s[0])), profile
 

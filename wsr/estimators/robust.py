@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wsr.aoa import AoaEstimate, Matrix3
 from wsr.aperture import Aperture
 from wsr.drift import Drift, find_drift, turned
+from wsr.estimators.cone import on_cone
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, reliability
@@ -165,7 +166,7 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
     range_ok = range_m is not None and range_std < _OBSERVABLE_RANGE_SHARE * range_m
     weights = prepared.bins.weights / prepared.bins.weights.sum()
     x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + weights @ aperture.chi_m)
-    return AoaEstimate(
+    estimate = AoaEstimate(
         azimuth_rad=best.azimuth_rad,
         polar_rad=best.polar_rad,
         azimuth_std_rad=azimuth_std,
@@ -189,6 +190,10 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
         dropped=prepared.dropped,
         drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
+    if dimension > 1:
+        return estimate
+    noise = phase_variance(residual) * inflation
+    return on_cone(estimate, aperture, found.x_m, noise, prepared.wavelength_m, model_error_rad(evidence))
 
 
 def _reported(focus: Focus, paths: tuple[Peak, ...]) -> Peak:
