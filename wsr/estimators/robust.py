@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wsr.aoa import AoaEstimate, Matrix3
 from wsr.aperture import Aperture
 from wsr.drift import Drift, find_drift, turned
+from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
@@ -73,7 +74,7 @@ class Robust:
         else:
             profile = look_profile(found.look)
             paths = find_peaks(profile, _PATHS)
-        return _described(aperture, prepared, found, paths), profile
+        return _described(aperture, prepared, found, paths, self.options), profile
 
 
 def find(prepared: Prepared, options: RobustOptions) -> Found:
@@ -129,7 +130,9 @@ def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
     return float(seen.azimuth_rad[at]), float(seen.polar_rad[at])
 
 
-def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tuple[Peak, ...]) -> AoaEstimate:
+def _described(
+    aperture: Aperture, prepared: Prepared, found: Found, peaks: tuple[Peak, ...], options: RobustOptions
+) -> AoaEstimate:
     focus, dimension = found.focus, aperture.dimension
     # Phase of each bin, over all subcarriers, that direction and range leave unexplained.
     residual = np.angle(matched(found.parts, found.x_m, prepared.bins.segment, focus))
@@ -146,11 +149,11 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
         unit = np.diag(np.full(3, math.inf))
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
-        rival=paths[1].relative_power if len(paths) > 1 else 0.0,
+        rival=peaks[1].relative_power if len(peaks) > 1 else 0.0,
         packets=aperture.packets,
         length_wavelengths=found.extents_m[0] / prepared.wavelength_m,
     )
-    best = _reported(focus, paths)
+    best = _reported(focus, peaks)
     image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
     inflation = time_correlation(residual)
     covariance = _covariance(unit, inflation, model_error_rad(evidence), focus.polar_rad)
@@ -186,7 +189,7 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
         range_m=range_m if range_ok else None,
         range_std_m=range_std,
         range_observable=range_ok,
-        paths=(best, *(p for p in paths[1:])),
+        paths=arrivals(aperture, prepared, options, found.parts, found.x_m, focus, found.level, best, _PATHS),
         dropped=prepared.dropped,
         drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
