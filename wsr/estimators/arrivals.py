@@ -100,9 +100,11 @@ def arrivals(
 
 
 def _loudness(aperture: Aperture, prepared: Prepared, options: RobustOptions) -> Array:
-    """Amplitude (B,) of each bin where its packets were brought to the same power, else 1."""
+    """Amplitude (B,) of each bin where its packets were brought to the same power, as one-way channels are by the fold
+    of both directions, else 1."""
     ahead, back = aperture.forward, aperture.reverse
-    if ahead is None or back is None or not options.unit_power or prepared.bins.channel.shape[1] == 1:
+    levelled = options.one_way or options.unit_power
+    if ahead is None or back is None or not levelled or prepared.bins.channel.shape[1] == 1:
         return np.ones(len(prepared.bins.counts))
     amplitude = np.sqrt(np.linalg.norm(ahead, axis=1).astype(np.float64) * np.linalg.norm(back, axis=1))
     amplitude /= max(float(np.median(amplitude[prepared.bins.weights > 0])), 1e-300)
