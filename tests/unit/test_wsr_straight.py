@@ -42,7 +42,7 @@ def test_cone_and_what_lies_on_it(name: str, along: str) -> None:
     assert estimate.azimuth_std_rad == math.inf
     assert estimate.polar_observable == (along == "upright")
     if along == "upright":
-        assert abs(estimate.polar_rad - 1.2) < 3 * estimate.polar_std_rad < math.radians(15)
+        assert abs(estimate.polar_rad - 1.2) < 3 * estimate.polar_std_rad < math.radians(20)
     assert estimate.range_m is None
     assert estimate.reliability == 0.0  # a bearing it is not
 
