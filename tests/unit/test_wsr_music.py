@@ -18,7 +18,7 @@ from wsr.errors import ApertureError
 from wsr.estimators.far_field import FarField
 from wsr.estimators.music import Music
 from wsr.estimators.source_number import source_number
-from wsr.estimators.stretches import cut
+from wsr.estimators.stretches import Stretch, cut
 from wsr.geometry import direction, great_circle
 from wsr.path_bins import Bins
 
@@ -29,9 +29,15 @@ _APART = (direction(0.5, math.pi / 2), direction(0.5 + math.radians(25), math.pi
 
 
 def _exchange(
-    p: Array, sources: tuple[Array, ...], seed: int = 0, snr_db: float = 20.0, offset_hz: float = 30_000.0
+    p: Array,
+    sources: tuple[Array, ...],
+    seed: int = 0,
+    snr_db: float = 20.0,
+    offset_hz: float = 30_000.0,
+    others: float = 1.0,
 ) -> Aperture:
-    """Sources of equal power at positions (1, 3), each further path 30 ns longer, as both cards would record them."""
+    """Sources at positions (1, 3), those after the first with the amplitude `others` and each a path 30 ns longer, as
+    both cards would record them."""
     rng = np.random.default_rng(seed)
     packets = len(p)
     field = np.zeros((packets, SUBCARRIERS_20MHZ.size), np.complex128)
@@ -39,7 +45,7 @@ def _exchange(
     for number, source in enumerate(sources):
         longer = np.linalg.norm(p - source, axis=1)[:, None] + number * _DELAY_M
         phase = 2 * np.pi * carrier_hz / SPEED_OF_LIGHT_M_S * longer
-        field += np.exp(-1j * (phase + rng.uniform(0, 2 * np.pi)))
+        field += (others if number else 1.0) * np.exp(-1j * (phase + rng.uniform(0, 2 * np.pi)))
     t_s = np.linspace(0.0, 3.0, packets)
     answer_s = t_s + 300e-6 + 5e-6 * rng.normal(size=packets)
     forward = _received(rng, field * np.exp(2j * np.pi * offset_hz * answer_s)[:, None], snr_db)
@@ -206,15 +212,25 @@ def test_packets_without_a_signal_are_dropped() -> None:
         Music().estimate(none)
 
 
-def test_a_wrong_model_is_no_second_path() -> None:
-    """Poses that are wrong by half a wavelength spread one source over the dimensions that MDL counts."""
-    t, p = weave()
+def test_what_comes_from_everywhere_is_no_path() -> None:
+    """Many weak echoes stand out of white noise, so that MDL counts up to its limit; none of them is a path."""
+    _, p = weave()
+    rng = np.random.default_rng(8)
     u = np.array([0.6, 0.64, 0.48])
-    aperture = _exchange(p, (far(p, u),))
-    wrong = 0.01 * np.stack([np.sin(9 * t), np.cos(11 * t), np.sin(13 * t)], axis=-1)
-    swung = replace(aperture, chi_m=aperture.chi_m + wrong - wrong.mean(axis=0))
-    estimate, _ = Music(max_sources=4).estimate(swung)
+    around = [direction(*angles) for angles in zip(rng.uniform(-3, 3, 10), rng.uniform(0.5, 2.5, 10), strict=True)]
+    aperture = _exchange(p, (far(p, u), *(far(p, v) for v in around)), others=0.2)
+    counted: list[int] = []
+
+    def counting(stretches: list[Stretch], largest: int) -> int:
+        counted.append(source_number(stretches, largest))
+        return counted[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wsr.estimators.music.source_number", counting)
+        estimate, _ = Music().estimate(aperture)
+    assert counted[-1] == 2
     assert len(estimate.paths) == 1
+    assert _error_deg(estimate, u) < 5.0
 
 
 def test_without_subcarriers_the_product_gives_one_path() -> None:

@@ -88,12 +88,12 @@ def _axis(aperture: Aperture) -> Array:
 
 
 def _alternatives(estimate: AoaEstimate, u: Array, axis: Array) -> tuple[Peak, ...]:
-    """The twin of u (3,) on the other side of the path, then quarter turns around it."""
+    """The twin of u (3,) on the other side of the path, if that has sides, then half and quarter turns around it."""
     across = np.array([axis[1], -axis[0], 0.0]) / max(float(np.hypot(axis[0], axis[1])), 1e-12)
-    twin = _turned(u, axis, math.pi) if abs(axis[2]) > _UPRIGHT else u - 2.0 * (u @ across) * across
+    twins = [] if abs(axis[2]) > _UPRIGHT else [u - 2.0 * (u @ across) * across]
     kept, peaks = [u], []
     found = estimate.paths[0]
-    for v in (twin, *(_turned(u, axis, turn) for turn in (math.pi, math.pi / 2, -math.pi / 2))):
+    for v in (*twins, *(_turned(u, axis, turn) for turn in (math.pi, math.pi / 2, -math.pi / 2))):
         if all(float(great_circle(v, other)) > _SAME_RAD for other in kept):
             azimuth, polar = (float(angle) for angle in angles(v))
             kept.append(v)
