@@ -113,9 +113,11 @@ def _print_informativeness(times: InformativenessTimes) -> None:
 
 
 def _print_recording(cost: RecorderCost, factor: float) -> None:
+    shares = f"{100 * cost.writer_share:.1f} the writer's thread, {100 * cost.calls_share:.1f} the calls"
     click.echo(
-        f"recording all streams: {100 * cost.core_share:.1f} % of a core at {cost.messages_per_s:.0f} messages/s and "
-        f"{cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, {cost.dropped} dropped"
+        f"recording at full rate: {100 * cost.core_share:.1f} % of a core ({shares}), {cost.messages_per_s:.0f} "
+        f"messages/s, {cost.kilobytes_per_s:.0f} kB/s, longest call {cost.longest_record_us:.0f} us, "
+        f"{cost.dropped} dropped"
     )
     click.echo(f"replay of the golden log: {factor:.0f} times real time")
 

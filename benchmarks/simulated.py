@@ -105,10 +105,12 @@ def simulated(
     snr_db: float,
     wideband: bool = True,
     pose_error_m: Array | None = None,
+    level: bool = False,
 ) -> Trial:
     """Channels of both directions over 30 subcarriers (or their product at the centre alone), each with `snr_db`, from
-    exact distances; every packet has its own phase and detection delay. Poses err by `pose_error_m` (M, 3)."""
-    u = direction(rng.uniform(-np.pi, np.pi), math.acos(rng.uniform(-0.8, 0.8)))
+    exact distances; every packet has its own phase and detection delay. Poses err by `pose_error_m` (M, 3).
+    `level`: a source at the path's own height."""
+    u = direction(rng.uniform(-np.pi, np.pi), np.pi / 2 if level else math.acos(rng.uniform(-0.8, 0.8)))
     source = path_m.mean(axis=0) + range_m * u
     indices = SUBCARRIERS_20MHZ if wideband else np.zeros(1)
     frequency_hz = SPEED_OF_LIGHT_M_S / WAVELENGTH_M + SUBCARRIER_SPACING_HZ * indices

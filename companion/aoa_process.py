@@ -12,8 +12,7 @@ from typing import Final
 
 import msgspec
 
-from companion.aoa_wire import LENGTH, MAX_BYTES, AoaResult, frame, request_of
-from companion.aoa_worker import READY_ID
+from companion.aoa_wire import LENGTH, MAX_BYTES, READY_ID, SIGN_OF_LIFE, AoaResult, frame, request_of
 from companion.child import tied
 from companion.errors import CompanionError
 from wsr.aperture import Aperture
@@ -21,6 +20,9 @@ from wsr.aperture import Aperture
 _log = logging.getLogger(__name__)
 _START_S = 60.0  # the first start compiles the kernel, slowly on an Atom; later ones read the cache
 _RESTART_S = 0.5
+_LOOK_S = 0.5
+_LATE_S = 1.0
+"""A worker with nothing to do is asked for a sign of life this often. One that owes it for so long is not ready."""
 ONE_THREAD: Final = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 
 
@@ -28,8 +30,9 @@ class AoaProcess:
     """Computes one aperture at a time in a niced process. `on_result` gets every result, refusals included.
 
     A request that takes longer than `timeout_s`, or during which the worker dies, is answered with a refusal, and the
-    worker is replaced. At most `waiting` requests queue; the oldest goes first when there are more. `on_ready` is told
-    when a worker begins and ceases to wait for requests.
+    worker is replaced. One that has nothing to do and hangs or dies is not ready within 1.5 s, and is replaced too. At
+    most `waiting` requests queue; the oldest goes first when there are more. `on_ready` is told when a worker begins
+    and ceases to wait for requests.
     """
 
     def __init__(
@@ -84,7 +87,12 @@ class AoaProcess:
             raise CompanionError("the AOA worker answered before it was asked")
         self._set_ready(True)
         while True:
-            request_id, peer, aperture = await self._requests.get()
+            try:
+                async with asyncio.timeout(_LOOK_S):
+                    request_id, peer, aperture = await self._requests.get()
+            except TimeoutError:
+                await self._see_it_lives(process)
+                continue
             try:
                 async with asyncio.timeout(self._timeout_s):
                     await _send(process, frame(request_of(request_id, peer, aperture)))
@@ -94,6 +102,19 @@ class AoaProcess:
                 self._on_result(AoaResult(request_id, peer, 0.0, refusal=reason, failed=True))
                 raise
             self._on_result(result)
+
+    async def _see_it_lives(self, process: asyncio.subprocess.Process) -> None:
+        """Raises TimeoutError, or as pipes do, when it does not."""
+        await _send(process, frame(SIGN_OF_LIFE))
+        answer = asyncio.ensure_future(_receive(process))
+        try:
+            if not (await asyncio.wait({answer}, timeout=_LATE_S))[0]:
+                self._set_ready(False)
+            async with asyncio.timeout(self._timeout_s):
+                await answer
+        finally:
+            answer.cancel()
+        self._set_ready(True)
 
     def _set_ready(self, is_ready: bool) -> None:
         if is_ready != self.ready.is_set():

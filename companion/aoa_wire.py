@@ -37,6 +37,12 @@ class AoaRequest:
     """(M, 2) f64, or nothing."""
 
 
+READY_ID = -1
+"""Id of the empty result that says that requests are welcome: the first of a worker, whose kernel is compiled then, and
+the answer to SIGN_OF_LIFE."""
+SIGN_OF_LIFE = AoaRequest(READY_ID, 0, b"", b"", b"", 0.0, (0.0, 0.0, 0.0), 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class AoaResult:
     """The answer to one request: an estimate with its profile (180, 360) as float16 bytes, or a refusal."""

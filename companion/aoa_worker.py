@@ -14,14 +14,11 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
-from companion.aoa_wire import LENGTH, AoaRequest, AoaResult, aperture_of, frame
+from companion.aoa_wire import LENGTH, READY_ID, AoaRequest, AoaResult, aperture_of, frame
 from wsr.aoa import Estimator
 from wsr.crb.informativeness import informativeness
 from wsr.errors import ApertureError
 from wsr.estimators import ESTIMATORS, warm_up
-
-READY_ID = -1
-"""Id of the empty result that says that the kernel is compiled and requests are welcome."""
 
 
 def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
@@ -43,9 +40,10 @@ def main() -> None:
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     estimator = ESTIMATORS[sys.argv[1]]()
     warm_up()
-    _write(sink, AoaResult(READY_ID, 0, 0.0))
+    ready = AoaResult(READY_ID, 0, 0.0)
+    _write(sink, ready)
     while (request := _read(source)) is not None:
-        _write(sink, compute(estimator, request))
+        _write(sink, ready if request.id == READY_ID else compute(estimator, request))
 
 
 def _read(source: BinaryIO) -> AoaRequest | None:

@@ -15,6 +15,7 @@ from companion.sar import SarIterations
 
 _YAW_RATE_RAD_S: Final = math.radians(30.0)
 _LONGEST_TICK_S: Final = 0.2
+_FENCE_MARGIN_M: Final = 0.3
 _PULL_PER_S: Final = 0.8
 """How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
 
@@ -88,6 +89,20 @@ class Approach:
 
     def _enter(self, phase: _Phase, now_ns: int) -> None:
         self._phase, self._phase_ns = phase, now_ns
+
+
+def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:
+    """The place itself, or the nearest to it that lies a little inside the fence and above the least height: where to
+    stand, and to begin the next leg, after the gate has refused one."""
+    low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
+    x, y, z = (
+        max(a + margin, min(b - margin, p))
+        for p, a, b in zip(p_local_enu_m, low, limits.fence_max_m, strict=True)
+        for margin in (min(_FENCE_MARGIN_M, (b - a) / 2),)
+    )
+    reach_m = max(0.0, limits.fence_radius_m - _FENCE_MARGIN_M)
+    scale = min(1.0, reach_m / max(math.hypot(x, y), 1e-9))
+    return scale * x, scale * y, z
 
 
 def as_velocity(setpoint: Setpoint, p_local_enu_m: Vector3, limits: GateLimits) -> Setpoint:

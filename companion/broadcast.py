@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import socket
-from collections import deque
+import struct
+from collections import OrderedDict, deque
+from dataclasses import replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -16,10 +19,14 @@ from companion.errors import CompanionError
 from wsr.reduced import reduce_channel
 
 BYTES_PER_S: Final = 5000
-"""The paper's budget, UDP and IP headers included."""
+"""The paper's budget, with the headers that a network interface counts."""
 _RECEIVE_BYTES: Final = 2048
-_BURST_S: Final = 0.5
+_SAVED_S: Final = 0.1
+"""Of the budget, from what earlier datagrams left: batches differ by a few packets."""
+_STALLED_S: Final = 0.5
 _AT_ONCE: Final = 256
+_HEARD_NS: Final = 2 * NS_PER_S
+_US_MASK: Final = (1 << 32) - 1
 
 _Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
 
@@ -47,14 +54,16 @@ class NeighbourSender:
         self._newest_pose_ns = 0
         self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
         self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
-        self._allowance = budget_bytes_s * _BURST_S
+        self._heard: OrderedDict[int, tuple[int, int]] = OrderedDict()
+        """(sending on its clock, arrival on ours) of the newest datagram of each robot, that echoed last at the end"""
+        self._allowance = budget_bytes_s * _SAVED_S
         self._asked_ns: int | None = None
         self.dropped = 0
         """Values that a newer one pushed out because datagrams were not sent in time, or that fit no datagram."""
         self.thinned = 0
         """Channels left out, evenly, to stay below the budget of bytes."""
         self.sent_bytes = 0
-        """With UDP and IP headers."""
+        """With the headers that an interface counts."""
 
     def wants_pose(self, t_ns: int) -> bool:
         """Whether a pose of this time is due at the configured rate."""
@@ -65,6 +74,10 @@ class NeighbourSender:
         self._newest_pose_ns = t_ns
         self.dropped += len(self._poses) == wire.MAX_POSES
         self._poses.append((t_ns, p_enu_m, confidence))
+
+    def add_heard(self, robot: int, sent_ns: int, arrived_ns: int) -> None:
+        """A datagram of another robot was accepted: it is told so, which bounds the relation of the clocks."""
+        self._heard[robot] = sent_ns, arrived_ns
 
     def add_channel(
         self, frame: int | None, t_ns: int, nic_us: int, csi: npt.NDArray[np.complex64], power_dbm: float, antenna: int
@@ -79,32 +92,25 @@ class NeighbourSender:
         """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
         the pinging robot's counter. Sent at `now_ns`."""
         if self._asked_ns is not None:
-            earned = self._budget_bytes_s * (now_ns - self._asked_ns) / NS_PER_S
-            self._allowance = min(self._budget_bytes_s * _BURST_S, self._allowance + earned)
+            earned_s = min(_STALLED_S, (now_ns - self._asked_ns) / NS_PER_S)
+            self._allowance = min(self._allowance, self._budget_bytes_s * _SAVED_S) + self._budget_bytes_s * earned_s
         self._asked_ns = now_ns
         poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
         self.dropped += len(self._poses) - len(poses)
-        parts = [self._thin(part, len(poses)) for part in _split(self._csi, now_ns)]
+        parts = [_batch(part) for part in _split(self._csi)]
         self._poses.clear()
         self._csi.clear()
         made = []
         for number in range(max(len(parts), 1 if poses else 0)):
-            data = self._datagram(poses if number == 0 else [], parts[number] if parts else [], now_ns)
+            data = self._datagram(poses if number == 0 else [], parts[number] if parts else wire.empty_csi(), now_ns)
             if data is not None:
                 made.append(data)
-                self.sent_bytes += len(data) + wire.UDP_IP_BYTES
-                self._allowance -= len(data) + wire.UDP_IP_BYTES
+                self.sent_bytes += len(data) + wire.FRAME_BYTES
+                self._allowance -= len(data) + wire.FRAME_BYTES
         return made
 
-    def _thin(self, part: list[_Csi], poses: int) -> list[_Csi]:
-        left = self._allowance - wire.UDP_IP_BYTES - wire.OVERHEAD_BYTES - poses * wire.POSE_BYTES
-        room = min(wire.MAX_CSI, max(0, int(left // wire.CSI_BYTES)))
-        if len(part) <= room:
-            return part
-        self.thinned += len(part) - room
-        return [part[i] for i in np.linspace(0, len(part) - 1, room).astype(int)]
-
-    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], part: list[_Csi], now_ns: int) -> bytes | None:
+    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
+        """With as many of the channels, evenly, as the budget has room for."""
         t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
         datagram = wire.Datagram(
             self._role,
@@ -115,15 +121,32 @@ class NeighbourSender:
             wire.PoseBatch(
                 np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
             ),
-            _batch(part),
+            csi,
             self._counted,
+            self._echo(now_ns),
         )
         self._counter += 1
         try:
-            return wire.encode(datagram, self._key)
+            data = wire.encode(datagram, self._key)
+            while (over := len(data) + wire.FRAME_BYTES - self._allowance) > 0 and len(datagram.csi):
+                # The size of a channel depends on the others; an estimate that is too high thins a little too much.
+                each = (len(data) - wire.OVERHEAD_BYTES) / len(datagram.csi)
+                count = max(0, len(datagram.csi) - ceil(over / each))
+                datagram = replace(datagram, csi=csi.rows(np.linspace(0, len(csi) - 1, count).astype(np.intp)))
+                data = wire.encode(datagram, self._key)
         except ValueError:  # a jump of the tracker in mid batch, or a broken stamp: nobody could use it
-            self.dropped += len(poses) + len(part)
+            self.dropped += len(poses) + len(csi)
             return None
+        self.thinned += len(csi) - len(datagram.csi)
+        return data
+
+    def _echo(self, now_ns: int) -> wire.Echo | None:
+        """Of the robots heard of late, the one whose turn it is."""
+        for robot, (sent_ns, arrived_ns) in self._heard.items():
+            if 0 <= now_ns - arrived_ns < _HEARD_NS:
+                self._heard.move_to_end(robot)
+                return wire.Echo(robot, sent_ns // 1000 & _US_MASK, (now_ns - arrived_ns) // 1000)
+        return None
 
 
 class Link:
@@ -142,17 +165,31 @@ class Link:
         self.unsent = 0
         """Datagrams the network would not take."""
         try:
+            self._choose_interface(neighbours.broadcast, neighbours.interface)
             # Bound to the group or broadcast address itself: nothing sent to one host only is taken for a broadcast.
             self._socket.bind(self._to)
-            if _is_multicast(neighbours.broadcast):
-                group = socket.inet_aton(neighbours.broadcast) + socket.inet_aton("0.0.0.0")
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
-                self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
         except OSError as error:
             self._socket.close()
             raise CompanionError(
-                f"neighbours.port {neighbours.port}: cannot bind {neighbours.broadcast}: {error.strerror}"
+                f"neighbours.broadcast {neighbours.broadcast}, port {neighbours.port}: {error.strerror}; expected the "
+                "broadcast address of a network of this host, or a multicast group with neighbours.interface"
             ) from None
+
+    def _choose_interface(self, address: str, interface: str | None) -> None:
+        """Raises CompanionError for an interface that is not there, OSError where the kernel refuses."""
+        try:
+            index = 0 if interface is None else socket.if_nametoindex(interface)
+        except OSError:
+            self._socket.close()
+            raise CompanionError(f"neighbours.interface {interface}: there is no such interface") from None
+        if _is_multicast(address):
+            # Without an interface the kernel takes that of the route to the group, if it has any.
+            member = socket.inet_aton(address) + socket.inet_aton("0.0.0.0") + struct.pack("@i", index)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        elif interface is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode())
 
     def fileno(self) -> int:
         return self._socket.fileno()
@@ -183,7 +220,7 @@ def _is_multicast(address: str) -> bool:
     return 224 <= int(address.split(".")[0]) <= 239
 
 
-def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
+def _split(csi: deque[_Csi]) -> list[list[_Csi]]:
     """Parts of which each fits one datagram: few enough, and counters and stamps not far from the first."""
     parts: list[list[_Csi]] = []
     for row in csi:
@@ -200,8 +237,6 @@ def _split(csi: deque[_Csi], now_ns: int) -> list[list[_Csi]]:
 
 
 def _batch(part: list[_Csi]) -> wire.CsiBatch:
-    if not part:
-        return wire.empty_csi()
     frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
     coefficients, scale = reduce_channel(np.array(csi, np.complex64))
     return wire.CsiBatch(

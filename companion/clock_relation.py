@@ -1,13 +1,16 @@
 """A neighbour's monotonic clock on ours, from the exchanges both ends stamped. No NTP, no wall clock.
 
 Both ends hear the same exchange, the answer a turnaround (0.13 to 0.6 ms) after the ping. So each shared counter gives
-their stamp less ours, right to that, and the median of many is the offset. Where the driver gives no counters the same
-exchanges show as a peak in the correlation of both series of times, near the offset that the fastest datagram allows.
+their stamp less ours, right to that, and the median of many is the offset. Counters that lie give an offset that does
+too, so it must also agree with the datagrams: none arrives before it was sent, neither theirs here nor ours there.
+Where the driver gives no counters the same exchanges show as a peak in the correlation of both series of times, near
+the offset that the fastest datagram allows.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,6 +27,9 @@ _MAX_DRIFT: Final = 5e-3
 """Ten times what Linux slews a clock by; one host of the recordings is at 3500 ppm."""
 _LEAST_SPAN_NS: Final = 500_000_000
 _DATAGRAMS: Final = 100
+_RECENT_NS: Final = 1_000_000_000
+_BOUNDED_BY_NS: Final = 5_000_000_000
+"""How old a datagram may be that bounds the offset: of twenty neighbours each is echoed every two seconds."""
 _LONGEST_DELAY_NS: Final = 60_000_000
 _SLACK_NS: Final = 20_000_000
 """How far the middle of many host times may be off: hosts read late, never early."""
@@ -41,11 +47,16 @@ Times = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """Their clock less ours [ns] and how far that may be off [ns]; `samples` exchanges it rests on."""
+    """Their clock less ours [ns] and how far that may be off [ns]; `samples` exchanges it rests on.
+
+    `round_trip_ns` of the fastest datagrams there and back, by which counters can lie unnoticed; None before both ways
+    have been heard of.
+    """
 
     offset_ns: int
     uncertainty_ns: float
     samples: int
+    round_trip_ns: int | None
 
     @property
     def is_locked(self) -> bool:
@@ -60,11 +71,14 @@ class ClockRelation:
         self._samples: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self._sent: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
         """(arrival, sending less arrival)"""
+        self._echoed: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
+        """(our sending, their arrival less that)"""
 
     def clear(self) -> None:
         """The neighbour has rebooted, or the pinging robot has: nothing known holds any more."""
         self._samples.clear()
         self._sent.clear()
+        self._echoed.clear()
 
     def add_exchange(self, ours_ns: int, theirs_ns: int) -> None:
         """One exchange, stamped by both."""
@@ -73,6 +87,10 @@ class ClockRelation:
     def add_datagram(self, arrived_ns: int, sent_ns: int) -> None:
         """Arrival on our clock, sending on theirs: a bound, since nothing arrives before it was sent."""
         self._sent.append((arrived_ns, sent_ns - arrived_ns))
+
+    def add_echo(self, sent_ns: int, arrived_ns: int) -> None:
+        """One of our datagrams: sending on our clock, arrival on theirs. A bound from the other side."""
+        self._echoed.append((sent_ns, arrived_ns - sent_ns))
 
     def add_uncounted(self, ours_ns: Times, theirs_ns: Times) -> int | None:
         """Times of the packets that each end heard of the other during the same few seconds, as of `card_times`.
@@ -108,10 +126,28 @@ class ClockRelation:
         middle = float(np.median(level))
         spread = 1.4826 * float(np.median(np.abs(level - middle)))
         uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
+        first_ns, slack = int(at_ns.min()), max(2 * _DRIFT, abs(slope))
+
+        def beyond_ns(at: int, bound: int, sign: int) -> float:
+            """By how much the line is on the wrong side of a bound; before its first exchange it may be off."""
+            return sign * (bound - middle - slope * (at - newest_ns)) - slack * max(0, first_ns - at)
+
         # By this offset a datagram would have arrived before it was sent: the counters lie by at least so much.
-        early = [sent - middle - slope * (at - newest_ns) for at, sent in self._sent if at >= at_ns.min()]
+        least = [beyond_ns(at, bound, 1) for at, bound in _recent(self._sent, newest_ns)]
+        most = [beyond_ns(at, bound, -1) for at, bound in _recent(self._echoed, newest_ns)]
+        round_trip_ns = -round(max(least) + max(most)) if least and most else None
         ahead = slope * (now_ns - newest_ns)
-        return Offset(round(middle + ahead), uncertainty + max([0.0, *early]), len(samples))
+        uncertainty += max([0.0, *least, *most])
+        return Offset(round(middle + ahead), uncertainty, len(samples), round_trip_ns)
+
+
+def _recent(bounds: Iterable[tuple[int, int]], newest_ns: int) -> list[tuple[int, int]]:
+    """Those of the last second, since a card's clock is known the better the longer it was heard; older ones where
+    there are none."""
+    for reach_ns in (_RECENT_NS, _BOUNDED_BY_NS):
+        if found := [(at, bound) for at, bound in bounds if at >= newest_ns - reach_ns]:
+            return found
+    return []
 
 
 def _slope(at_ns: Times, samples_ns: Times) -> float:

@@ -20,6 +20,7 @@ Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
 _MIN_VIO_HZ = 20.0
+_POSES_PER_DATAGRAM = 25
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
 Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
 Metres3 = tuple[float, float, float]
@@ -67,7 +68,7 @@ class PoseConfig:
     """Program and arguments of the camera's reader, which the service then starts and restarts. Empty when systemd
     does."""
     recording: str = ""
-    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z, qx, qy, qz, qw."""
+    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z and, where known, qx, qy, qz, qw."""
     natnet: NatNetConfig = field(default_factory=NatNetConfig)
     north: Literal["config", "autopilot"] = "config"
     """Who knows where North is: north_yaw_deg, or the autopilot's heading over a still period before the flight."""
@@ -108,13 +109,15 @@ class NeighbourConfig:
     broadcast: Ipv4 = "127.255.255.255"
     """The broadcast address of the robots' network, or a multicast group."""
     interface: str | None = None
-    """The network interface of that address; its bytes per second are shown in health where it is given."""
+    """The network interface that datagrams leave and enter by; its bytes per second are shown in health. Without it the
+    kernel's routes decide; a multicast group needs either."""
     refuse_lookalikes: bool = False
     """Let a robot whose profiles cannot be told from another's steer nothing. It is reported in any case."""
     rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
     pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
     budget_bytes_s: Annotated[float, Meta(ge=2000, le=50000)] = 5000.0
-    """Of our datagrams with UDP and IP headers; channels beyond it are left out evenly. 5000 carries 195 packets/s."""
+    """Of our datagrams as an interface counts them; channels beyond it are left out evenly. 5000 carries 210 packets/s
+    with 50 poses/s whatever the channels are, and the 250 packets/s of the recordings that have most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +284,18 @@ class Config:
             found += [
                 f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
             ]
+        keys = [self.neighbours.key_file, *(key for p in self.peers for key in (p.key_file, p.next_key_file) if key)]
+        found += [
+            f"key_file: {key} stands twice; each robot that sends has its own, or one could pass for another"
+            for key in sorted(set(keys))
+            if keys.count(key) > 1
+        ]
+        least_hz = self.neighbours.pose_rate_hz / _POSES_PER_DATAGRAM
+        if self.neighbours.rate_hz < least_hz:
+            found.append(
+                f"neighbours.rate_hz: {self.neighbours.rate_hz:g}; expected at least {least_hz:g}, since a datagram "
+                f"carries {_POSES_PER_DATAGRAM} poses of the {self.neighbours.pose_rate_hz:g} a second"
+            )
         if self.ping.enabled and self.csi.interface is None:
             found.append("ping.enabled: needs csi.interface, the card's monitor interface")
         if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:

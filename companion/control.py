@@ -27,11 +27,14 @@ class ControlServer:
         self._handler = handler
 
     async def run(self) -> None:
-        """Serves until cancelled. Raises CompanionError when another service holds the socket."""
+        """Serves until cancelled. Raises CompanionError when another service holds the socket, or it cannot be made."""
         await self._refuse_second_service()
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
-        self._path.chmod(0o600)
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
+            self._path.chmod(0o600)
+        except OSError as error:
+            raise CompanionError(f"{self._path}: cannot bind the control socket: {error.strerror or error}") from None
         try:
             async with server:
                 await server.serve_forever()
@@ -41,9 +44,15 @@ class ControlServer:
     async def _refuse_second_service(self) -> None:
         try:
             _, writer = await asyncio.open_unix_connection(self._path)
-        except (FileNotFoundError, ConnectionRefusedError):
+        except FileNotFoundError:
+            return
+        except ConnectionRefusedError:
+            if not self._path.is_socket():
+                raise CompanionError(f"{self._path}: it is no socket; expected a path for the control socket") from None
             self._path.unlink(missing_ok=True)
             return
+        except OSError as error:
+            raise CompanionError(f"{self._path}: cannot bind the control socket: {error.strerror or error}") from None
         writer.close()
         raise CompanionError(f"{self._path}: another service is running on this control socket")
 
@@ -81,5 +90,7 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
         raise CompanionError(f"{path}: permission denied; run as the service's user or root") from None
     except (TimeoutError, ConnectionError, ValueError):
         raise CompanionError(f"{path}: the service does not answer") from None
+    except OSError as error:
+        raise CompanionError(f"{path}: cannot reach a control socket there: {error.strerror or error}") from None
     assert isinstance(answer, dict)
     return answer

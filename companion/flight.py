@@ -1,4 +1,7 @@
-"""The flying robot's 20 Hz loop: conditions -> mission -> actions, and one set point through the gate."""
+"""The flying robot's 20 Hz loop: conditions -> mission -> actions, and one set point through the gate.
+
+Longer than other modules: everything that may command the vehicle is to be read in one place.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from companion import mission
-from companion.approach import Approach, as_velocity
+from companion.approach import Approach, as_velocity, inside
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.clock import NS_PER_S, Clock, Ticker
 from companion.conditions import ConditionLimits, Situation, conditions
@@ -18,7 +21,7 @@ from companion.engagement import Engagement
 from companion.event_clock import EventClock
 from companion.events import CommandOutcome, Tick, Wish
 from companion.flight_commands import FlightCommands, MakeCommands
-from companion.flight_log import GateReport, MissionStep, ObservedSetpoint, target_report
+from companion.flight_log import SERVICE_ENDS, GateReport, MissionStep, ObservedSetpoint, target_report
 from companion.gate import Gate, GateLimits, Reason
 from companion.messages import FlightMode, Setpoint, VehicleState
 from companion.mission import Action, Event, State
@@ -53,6 +56,9 @@ _AT_REST = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
 _SEARCH_TURN_RAD = math.radians(120.0)
 _LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
 _BEARING_LATE_S = 1.5
+_REFUSED_AGAIN_S = 5.0
+_RC_S = 1.0
+"""RC_CHANNELS come at 5 Hz. After a longer silence how the switch stands is not known."""
 
 
 class Flight:
@@ -101,9 +107,11 @@ class Flight:
         self._state_ns = clock.now_ns()
         self._reason = ""
         self._pending: list[Event] = []
+        self._aborts = 0
         self._streaming = False
         self._took_off = False
         self._refusals: tuple[str, ...] = ()
+        self._refused_ns: int | None = None
         self._packet_ns: int | None = None
         self._packets = 0
         self._blind_legs = 0
@@ -133,6 +141,7 @@ class Flight:
 
     def abort(self) -> None:
         """A person's wish to end the flight; it takes effect at the next tick."""
+        self._aborts += 1
         self.take_wish(Event.ABORT, "")
 
     def take_wish(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
@@ -149,7 +158,9 @@ class Flight:
     async def _engage_refusal(self) -> str:
         if self.state not in (State.IDLE, State.LATCHED):
             return f"the mission is {self.state} already"
-        return "; ".join(self.not_ready() + await self._engagement.parameter_problems())
+        aborts, missing = self._aborts, self.not_ready() + await self._engagement.parameter_problems()
+        # Reading parameters takes a moment, and an abort means nothing to a mission that is still at rest.
+        return "; ".join(missing + (["it was aborted meanwhile"] if self._aborts != aborts else []))
 
     def not_ready(self) -> list[str]:
         """What is missing for an engagement, in words, but for the autopilot's parameters, which must be asked for."""
@@ -244,7 +255,7 @@ class Flight:
             flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
             before, self._streaming = self.state, False
             self.state, actions = mission.step(before, Event.TASK_FAILED)
-            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, "the service ends")
+            step = MissionStep(now_ns, before, Event.TASK_FAILED, self.state, actions, SERVICE_ENDS)
             self._recorder.record(MISSION, now_ns, step)
             return flying
 
@@ -269,10 +280,14 @@ class Flight:
         self._stream_ns = now_ns if self._streaming else None
 
     def _watch_switch(self, vehicle: VehicleState) -> None:
-        wish = self._switch.update(vehicle.rc_us) if self._switch is not None else None
+        if self._switch is None:
+            return
+        # What was heard last says nothing of how the switch stands now.
+        wish = self._switch.update(vehicle.rc_us if self._age_s(vehicle.rc_mono_ns) <= _RC_S else ())
         if wish is Event.ENGAGE:
             self._commands.beside(self._engage_by_switch(), "engage by switch")
         elif wish is not None:
+            self._aborts += 1
             self._pending.append(wish)
 
     async def _engage_by_switch(self) -> None:
@@ -365,8 +380,12 @@ class Flight:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places())
+        if verdict.reasons and (not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S):
+            self._refused_ns = now_ns
+            self._give_up_leg(verdict.reasons, vehicle)
         if verdict.reasons != self._refusals:
-            self._note_refusal(verdict.reasons, vehicle, now_ns)
+            self._refusals = verdict.reasons
+            self._recorder.record(GATE, now_ns, GateReport(now_ns, verdict.reasons))
         if verdict.setpoint is not None:
             self._send(verdict.setpoint)
 
@@ -378,19 +397,18 @@ class Flight:
             return
         self._recorder.record(SETPOINT, setpoint.t_mono_ns, setpoint)
 
-    def _note_refusal(self, reasons: tuple[Reason, ...], vehicle: VehicleState, now_ns: int) -> None:
-        """The path has left what the gate allows: the leg is given up, and the next begins where the vehicle is."""
-        if reasons and not self._refusals:
-            self._reason = f"gate: {'; '.join(reasons)}"
-            _log.warning(self._reason)
-            self._blind_legs += 1
-            self._sar.start_ns = None
-            if vehicle.p_local_enu_m is not None:
-                self._approach.start(vehicle.p_local_enu_m, vehicle.yaw_enu_rad or 0.0)
-            if Reason.NEIGHBOUR in reasons and self._is_target_nearest(vehicle):
-                self._pending.append(Event.TARGET_REACHED)  # as near as anything may come to it
-        self._refusals = reasons
-        self._recorder.record(GATE, now_ns, GateReport(now_ns, reasons))
+    def _give_up_leg(self, reasons: tuple[Reason, ...], vehicle: VehicleState) -> None:
+        """The path has left what the gate allows, and the gate's hold only follows the vehicle. So the next leg begins,
+        and the vehicle stands, where it is; in the fence's way, inside it. A path that cannot be flown is a blind leg:
+        after enough of them the mission holds, and then leaves."""
+        self._reason = f"gate: {'; '.join(reasons)}"
+        _log.warning(self._reason)
+        self._blind_legs += 1
+        self._sar.start_ns = None
+        if vehicle.p_local_enu_m is not None:
+            self._approach.start(inside(vehicle.p_local_enu_m, self._gate.limits), vehicle.yaw_enu_rad or 0.0)
+        if Reason.NEIGHBOUR in reasons and self._is_target_nearest(vehicle):
+            self._pending.append(Event.TARGET_REACHED)  # as near as anything may come to it
 
     def _is_target_nearest(self, vehicle: VehicleState) -> bool:
         assert vehicle.p_local_enu_m is not None  # or the gate would have had no position
@@ -425,11 +443,12 @@ class Flight:
             await self._commands.leave_at_end()
 
     def _bearing_stale(self) -> bool:
-        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs."""
+        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs or
+        is gone."""
         if self._iteration is None:
             return True
         silent = max(self._age_s(self._packet_ns), self._datagram_age_s()) > self._config.aperture.silent_s
-        late = self._sar.waiting_s() > _BEARING_LATE_S
+        late = self._sar.waiting_s() > _BEARING_LATE_S or not self._sar.is_ready
         return silent or late or self._blind_legs >= self._config.aperture.blind_legs
 
     def _datagram_age_s(self) -> float:

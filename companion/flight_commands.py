@@ -9,12 +9,15 @@ from typing import Any
 
 from companion.autopilot.port import Autopilot, AutopilotError, GaveWayError
 from companion.clock import NS_PER_S, Clock
+from companion.messages import FlightMode
 from companion.mission import Event
 
 _log = logging.getLogger(__name__)
 _WARM_UP_S = 1.0  # PX4 wants a running stream before it lets anybody into OFFBOARD
 _LEAVE_S = 0.5
 _POSITION_S = 0.5
+_OURS = frozenset({FlightMode.OFFBOARD, FlightMode.TAKEOFF, FlightMode.HOLD})
+"""Modes in which the vehicle is while this flies it: the others are somebody's decision."""
 
 Command = Coroutine[Any, Any, None]
 
@@ -72,9 +75,13 @@ class FlightCommands:
 
     async def leave_at_end(self) -> None:
         """The service ends in flight: the autopilot's hold, or a landing where it has no position, within half a
-        second. What is not confirmed by then is left to the autopilot's own loss-of-stream failsafe."""
+        second. What is not confirmed by then is left to the autopilot's own loss-of-stream failsafe. Whoever has taken
+        the mode meanwhile, since the last tick, keeps it."""
         self.cancel()
         state = self._autopilot.state()
+        if state.mode not in _OURS:
+            _log.warning("not leaving: the mode is %s already; somebody else decided", state.mode)
+            return
         age_ns = state.t_mono_ns - (state.position_mono_ns or 0)
         has_position = state.position_mono_ns is not None and age_ns < _POSITION_S * NS_PER_S
         try:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from companion.messages import Setpoint
 from companion.mission import Action, Event, State
 from companion.sar import Iteration
 from companion.tracker import Bearing, Target, TargetReport
+
+SERVICE_ENDS: Final = "the service ends"
+"""Reason of the last step of every mission, whose state says nothing of the flight."""
 
 
 @dataclass(frozen=True, slots=True)

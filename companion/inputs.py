@@ -47,7 +47,7 @@ class LiveInputs:
                 return UnixSource(self._config.path(csi.socket), csi.receive_buffer_bytes)
             return NetlinkSource(csi.connector_idx, csi.require_kernel_sender, csi.receive_buffer_bytes)
         except (NetlinkError, UnixSocketError) as error:
-            raise CompanionError(f"csi.source {csi.source}: {error}") from None
+            raise CompanionError(f"csi.source {csi.source}: {error.strerror}") from None
 
     def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
         return open_poses(self._config, clock, intake, sink)

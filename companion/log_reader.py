@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import msgspec
-import zstandard
-from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
@@ -19,10 +16,9 @@ from companion.config import Config
 from companion.config_file import config_of
 from companion.errors import CompanionError
 from companion.log.parts import parts_beside
+from companion.log.scan import UNREADABLE, RecordScan
 from companion.log.writer import METADATA
 
-# What the reader raises where a file ends in mid record, in mid chunk or in mid number.
-_CUT: Final = (McapError, struct.error, zstandard.ZstdError, RuntimeError, UnicodeDecodeError, EOFError, ValueError)
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
 """Called with the bytes read and the bytes there are."""
@@ -48,16 +44,26 @@ class LoggedMessage:
 class LogScan:
     """One pass over one file. Iterating gives its messages; the rest is known afterwards.
 
-    A file that ends in mid record gives what stands before. Raises CompanionError for what is no log.
+    A file that ends in mid record gives what stands before, and what is damaged is passed over (`companion.log.scan`);
+    without `past_damage` a damaged file ends where the damage begins. Raises CompanionError for what is no log.
     """
 
-    def __init__(self, path: Path, topics: Container[str] | None = None, progress: Progress | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        topics: Container[str] | None = None,
+        progress: Progress | None = None,
+        past_damage: bool = True,
+    ) -> None:
         self.path = path
         self.metadata: dict[str, dict[str, str]] = {}
         self.is_whole = False
+        self.damaged = 0
+        """Places at which something could not be read, though the file goes on."""
         self.size_bytes = 0
         self._topics = topics
         self._progress = progress
+        self._past_damage = past_damage
 
     def __iter__(self) -> Iterator[LoggedMessage]:
         try:
@@ -69,22 +75,17 @@ class LogScan:
                 if len(magic) < len(MCAP0_MAGIC):
                     return  # cut off before the first record
                 file.seek(0)
-                yield from self._messages(StreamReader(file, validate_crcs=True), file.tell)
+                records = RecordScan(file, self._past_damage)
+                yield from self._messages(records, file)
+                self.is_whole, self.damaged = records.is_whole, records.damaged
         except OSError as error:
             raise CompanionError(f"{self.path}: cannot read the log: {error.strerror}") from None
 
-    def _messages(self, reader: StreamReader, tell: Callable[[], int]) -> Iterator[LoggedMessage]:
+    def _messages(self, records: RecordScan, file: BinaryIO) -> Iterator[LoggedMessage]:
         channels: dict[int, Channel] = {}
         schemas: dict[int, tuple[str, str, bytes]] = {0: _NO_SCHEMA}
-        records = iter(reader.records)
-        while True:
-            try:
-                record = next(records)
-            except StopIteration:
-                self.is_whole = True
-                return
-            except _CUT:
-                return
+        has_learned = False
+        for record in records:
             match record:
                 case Schema():
                     schemas[record.id] = (record.name, record.encoding, record.data)
@@ -92,10 +93,15 @@ class LogScan:
                     channels[record.id] = record
                 case Metadata():
                     self.metadata[record.name] = record.metadata
-                case Message() if self._topics is None or channels[record.channel_id].topic in self._topics:
-                    channel = channels[record.channel_id]
+                case Message():
+                    if record.channel_id not in channels and not has_learned:  # it was told in a chunk that is damaged
+                        has_learned = True
+                        self._learn_from_all(channels, schemas)
+                    channel = channels.get(record.channel_id)
+                    if channel is None or (self._topics is not None and channel.topic not in self._topics):
+                        continue
                     if self._progress is not None:
-                        self._progress(tell(), self.size_bytes)
+                        self._progress(file.tell(), self.size_bytes)
                     yield LoggedMessage(
                         channel.topic,
                         record.log_time,
@@ -103,8 +109,18 @@ class LogScan:
                         record.publish_time,
                         record.sequence,
                         channel.message_encoding,
-                        schemas[channel.schema_id],
+                        schemas.get(channel.schema_id, _NO_SCHEMA),
                     )
+
+    def _learn_from_all(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:
+        """Channels and schemas from wherever they can be read: the end of a finished file tells all of them again."""
+        with self.path.open("rb") as file:
+            for record in RecordScan(file):
+                match record:
+                    case Schema():
+                        schemas.setdefault(record.id, (record.name, record.encoding, record.data))
+                    case Channel():
+                        channels.setdefault(record.id, record)
 
 
 def read_log(path: Path, topics: Container[str]) -> list[LoggedMessage]:
@@ -128,7 +144,13 @@ class Session:
         return int(self.metadata["wall_minus_mono_ns"])
 
     def config(self) -> Config:
-        """The configuration the service ran with. Raises CompanionError when this version cannot read it."""
+        """The configuration the service ran with. Raises CompanionError when there is none, or this version cannot
+        read it."""
+        if "config" not in self.metadata:
+            role = self.metadata.get("role", "unknown")
+            raise CompanionError(
+                f"{self.paths[0]}: a log of role {role} holds no configuration; expected a flight's log"
+            )
         return config_of(msgspec.json.decode(self.metadata["config"]), f"{self.paths[0]}: its configuration")
 
     def messages(
@@ -136,8 +158,10 @@ class Session:
         topics: Container[str] | None = None,
         progress: Progress | None = None,
         on_cut: Callable[[Path], None] | None = None,
+        past_damage: bool = True,
     ) -> Iterator[LoggedMessage]:
-        """Of all parts in their order. `on_cut` is told of each file that is cut off."""
+        """Of all parts in their order. `on_cut` is told of each file that is cut off or damaged. Without `past_damage`
+        the first damage ends it."""
         total = sum(path.stat().st_size for path in self.paths)
         done = 0
         for path in self.paths:
@@ -147,18 +171,20 @@ class Session:
                 if progress is not None:
                     progress(before + at, total)
 
-            scan = LogScan(path, topics, read)
+            scan = LogScan(path, topics, read, past_damage)
             yield from scan
             done += path.stat().st_size
             if not scan.is_whole and on_cut is not None:
                 on_cut(path)
+            if scan.damaged and not past_damage:
+                return
 
 
 def open_session(path: Path) -> Session:
     """The recording that `path` is a part of. Raises CompanionError when it is no log of this program."""
     own = metadata_of(path)
     if METADATA not in own:
-        raise CompanionError(f"{path}: no log of this program (it has no metadata {METADATA!r})")
+        raise CompanionError(f"{path}: {_why_no_log(path)}")
     metadata = own[METADATA]
     session = metadata.get("session")
     parts = {int(metadata.get("part", "0")): (path, metadata)}
@@ -185,9 +211,25 @@ def metadata_of(path: Path) -> dict[str, dict[str, str]]:
                     break
     except OSError as error:
         raise CompanionError(f"{path}: cannot read the log: {error.strerror}") from None
-    except _CUT:
+    except UNREADABLE:
         return found
     return found
+
+
+def _why_no_log(path: Path) -> str:
+    """Why a file without our metadata has none."""
+    with path.open("rb") as file:
+        magic = file.read(len(MCAP0_MAGIC))
+        if magic != MCAP0_MAGIC[: len(magic)]:
+            return f"not an MCAP log: it begins with {magic!r}"
+        if not magic:
+            return "empty; nothing was written to it"
+        try:
+            for _ in StreamReader(file, skip_magic=True, emit_chunks=True).records:
+                pass
+        except UNREADABLE:
+            return f"cut off or damaged in its first bytes: its metadata {METADATA!r} cannot be read"
+    return f"no log of this program (it has no metadata {METADATA!r})"
 
 
 def _first_of(path: Path) -> Path:

@@ -1,10 +1,11 @@
-"""The generated parts of docs/safety.md: mission, faults and required parameters.
+"""The generated parts of docs/safety.md: hand moves, mission, faults and required parameters.
 
 `python -m companion.mission_diagram docs/safety.md` renews them.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,9 +14,12 @@ from typing import Final
 from companion.errors import CompanionError
 from companion.fault_table import FAULTS
 from companion.mission import TABLE, Event, State, step
+from companion.pose.hand_moves import MOVES, HandMove, expected_enu_m
 from companion.preflight import REQUIREMENTS
 
-PARTS: Final = ("mission", "faults", "parameters")
+PARTS: Final = ("axes", "mission", "faults", "parameters")
+_AXES: Final = ("East", "North", "Up")
+_NOSES_RAD: Final = {"North": math.pi / 2, "East": 0.0}
 
 
 def mermaid() -> str:
@@ -39,6 +43,7 @@ def table_markdown() -> str:
 def renewed(document: str) -> str:
     """The document with its generated parts replaced. Raises CompanionError when the markers of one are missing."""
     texts = {
+        "axes": axes_markdown(),
         "mission": f"```mermaid\n{mermaid()}\n```\n\n{table_markdown()}",
         "faults": faults_markdown(),
         "parameters": parameters_markdown(),
@@ -63,11 +68,26 @@ def faults_markdown() -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
+def axes_markdown() -> str:
+    """One row per move of `companion check-axes`: what it must do, for two directions of the nose."""
+    rows = [["move", *(f"nose to the {nose}" for nose in _NOSES_RAD)], ["---"] * (1 + len(_NOSES_RAD))]
+    rows += [[move.instruction.format(d=1.0), *(_shown(move, yaw) for yaw in _NOSES_RAD.values())] for move in MOVES]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
 def parameters_markdown() -> str:
     """One row per required parameter of PX4."""
     rows = [["parameter", "needed", "wanted", "why"], ["---"] * 4]
     rows += [[r.name, r.needed.value, r.wanted, r.why] for r in REQUIREMENTS]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _shown(move: HandMove, yaw_rad: float) -> str:
+    if move.turn_rad:
+        east, north, _ = expected_enu_m(HandMove("", "", (1.0, 0.0, 0.0)), yaw_rad + move.turn_rad, 1.0)
+        return "heading " + (("East" if east > 0 else "West") if abs(east) > 0.5 else "North" if north > 0 else "South")
+    moved_m = expected_enu_m(move, yaw_rad, 1.0)
+    return ", ".join(f"{axis} {m:+.0f} m" for axis, m in zip(_AXES, moved_m, strict=True) if abs(m) > 0.5)
 
 
 def _actions(event: Event) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final, TypeVar
@@ -27,6 +27,8 @@ _LOST_NS: Final = 10 * NS_PER_S
 _MAX_SPEED_M_S: Final = 20.0
 _JUMP_M: Final = 0.5  # what a tracker's correction may move a pose at once
 _SETTLED: Final = 5
+_US_ROUND: Final = 1 << 32
+_LONGEST_ECHO_US: Final = 5_000_000
 
 
 class Standing(StrEnum):
@@ -156,8 +158,14 @@ class Neighbour:
         self.counted = datagram.counted
         self.received.append((now_ns, datagram))
         self.relation.add_datagram(now_ns, datagram.sent_ns)
-        self.pairing.add_reverse(datagram.csi, datagram.counted)
+        self.pairing.add_reverse(datagram.csi, datagram.counted, now_ns)
         return True
+
+    def take_echo(self, echo: wire.Echo, sent_ns: int, now_ns: int) -> None:
+        """It has heard a datagram of ours. What an earlier boot of ours sent is by its age none of them."""
+        since_us = (now_ns // 1000 - echo.sent_us) % _US_ROUND
+        if since_us <= _LONGEST_ECHO_US:
+            self.relation.add_echo((now_ns // 1000 - since_us) * 1000, sent_ns - echo.held_us * 1000)
 
     def restart(self) -> None:
         """Another boot has another clock: nothing of the old one can be joined with it."""
@@ -181,6 +189,7 @@ class Neighbour:
             "paired": self.pairing.paired,
             "clock_offset_s": None if offset is None else offset.offset_ns / NS_PER_S,
             "clock_uncertainty_s": None if offset is None else offset.uncertainty_ns / NS_PER_S,
+            "round_trip_s": None if offset is None or offset.round_trip_ns is None else offset.round_trip_ns / NS_PER_S,
         }
 
     def _jumps_impossibly(self, poses: wire.PoseBatch) -> bool:
@@ -219,7 +228,8 @@ class NeighbourReceiver:
     """Authenticates datagrams and files them with the neighbour they came from.
 
     `keys` has for each peer every key that is valid. `book` keeps what must outlive a restart; without one, a replay is
-    noticed only as long as the service runs.
+    noticed only as long as the service runs. `on_accepted` gets the sender of each datagram that is taken, when it was
+    sent and when it arrived, so that the sender can be told.
     """
 
     def __init__(
@@ -230,6 +240,7 @@ class NeighbourReceiver:
         clock: Clock,
         book: Book | None = None,
         we_ping: bool = True,
+        on_accepted: Callable[[int, int, int], None] = lambda *_: None,
     ) -> None:
         self._own_id = own_id
         self._keys = keys
@@ -242,6 +253,7 @@ class NeighbourReceiver:
         self.counters = LinkCounters()
         self.authentic = 0
         """Datagrams with a good signature, taken or not."""
+        self._on_accepted = on_accepted
 
     def take(self, data: bytes) -> bool:
         """Files one datagram; False when it was refused (and counted)."""
@@ -297,7 +309,12 @@ class NeighbourReceiver:
             return False
         if self._book is not None:
             self._book.note(neighbour.id, datagram.boot_id, datagram.counter)
-        return neighbour.file(datagram, now_ns)
+        if not neighbour.file(datagram, now_ns):
+            return False
+        if datagram.echo is not None and datagram.echo.robot == self._own_id:
+            neighbour.take_echo(datagram.echo, datagram.sent_ns, now_ns)
+        self._on_accepted(neighbour.id, datagram.sent_ns, now_ns)
+        return True
 
 
 def _joined(parts: list[npt.NDArray[_Scalar]], dtype: type[_Scalar]) -> npt.NDArray[_Scalar]:

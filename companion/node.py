@@ -78,7 +78,6 @@ class Node:
         is_uav = config.role == "uav"
         self.book = inputs.open_book()
         self._record_book()
-        self.receiver = NeighbourReceiver(config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav)
         role = wire.Role.UAV if is_uav else wire.Role.BEACON
         self.sender = NeighbourSender(
             role,
@@ -87,6 +86,9 @@ class Node:
             config.neighbours.pose_rate_hz,
             self.book.own_boot_id,
             config.neighbours.budget_bytes_s,
+        )
+        self.receiver = NeighbourReceiver(
+            config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav, on_accepted=self.sender.add_heard
         )
         self.lookalikes = Lookalikes(names)
         self._on_sample = on_sample

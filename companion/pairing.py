@@ -12,7 +12,9 @@ from companion.clock import NS_PER_S
 from companion.clock_relation import ClockRelation, card_times, match
 
 _OPEN: Final = 2048
-"""Forward packets that wait for their reverse channel: over ten seconds' worth."""
+"""Packets of either direction that wait for their other half: over ten seconds' worth."""
+_LONGEST_WAIT_NS: Final = 10 * NS_PER_S
+"""A counter that comes again later is of another series."""
 _SPAN_S: Final = 6
 _LATE_S: Final = 1
 _LEAST: Final = 20
@@ -24,6 +26,9 @@ class Pairing:
     def __init__(self, relation: ClockRelation) -> None:
         self._relation = relation
         self._open: OrderedDict[int, int] = OrderedDict()
+        """Forward packets by counter: time."""
+        self._early: OrderedDict[int, tuple[int, int]] = OrderedDict()
+        """Reverse channels that came before their forward packet was read, by counter: their time, arrival."""
         self._buckets: deque[list[int]] = deque(maxlen=_SPAN_S + _LATE_S + 1)
         """[second, forward packets, of which paired]"""
         self._uncounted: deque[tuple[int, int]] = deque(maxlen=_OPEN)
@@ -32,6 +37,7 @@ class Pairing:
 
     def clear(self) -> None:
         self._open.clear()
+        self._early.clear()
         self._buckets.clear()
         self._uncounted.clear()
 
@@ -44,21 +50,29 @@ class Pairing:
         if frame in self._open:
             del self._open[frame]  # heard twice: which one the other end means is unknown
             return
+        theirs_ns, arrived_ns = self._early.pop(frame, (0, None))
+        if arrived_ns is not None and abs(t_ns - arrived_ns) < _LONGEST_WAIT_NS:
+            self._count(t_ns, 1, 1)
+            self._exchange(t_ns, theirs_ns)
+            return
         self._open[frame] = t_ns
         if len(self._open) > _OPEN:
             self._open.popitem(last=False)
         self._count(t_ns, 1, 0)
 
-    def add_reverse(self, batch: wire.CsiBatch, counted: bool) -> None:
-        """Reverse channels arrived: in any order, late, or again."""
+    def add_reverse(self, batch: wire.CsiBatch, counted: bool, now_ns: int) -> None:
+        """Reverse channels arrived: in any order, late, early, or again."""
         if not counted:
             return
         for frame, theirs_ns in zip(batch.frame.tolist(), batch.t_ns.tolist(), strict=True):
             ours_ns = self._open.pop(frame, None)
-            if ours_ns is not None:
-                self.paired += 1
+            if ours_ns is None:
+                self._early[frame] = theirs_ns, now_ns
+                if len(self._early) > _OPEN:
+                    self._early.popitem(last=False)
+            elif now_ns - ours_ns < _LONGEST_WAIT_NS:
                 self._count(ours_ns, 0, 1)
-                self._relation.add_exchange(ours_ns, theirs_ns)
+                self._exchange(ours_ns, theirs_ns)
 
     def match_uncounted(self, theirs: wire.CsiBatch, since_ns: int) -> None:
         """Without counters: both series of the last seconds at once, once a second or so."""
@@ -79,6 +93,10 @@ class Pairing:
         settled = [bucket for bucket in self._buckets if last - _SPAN_S < bucket[0] < last]
         forward = sum(bucket[1] for bucket in settled)
         return sum(bucket[2] for bucket in settled) / forward if forward >= _LEAST else None
+
+    def _exchange(self, ours_ns: int, theirs_ns: int) -> None:
+        self.paired += 1
+        self._relation.add_exchange(ours_ns, theirs_ns)
 
     def _count(self, t_ns: int, forward: int, paired: int) -> None:
         second = t_ns // NS_PER_S

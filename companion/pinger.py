@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from companion.clock import Clock, Ticker
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.traffic import SYSFS
 from csi_bridge.injector import CHECK_SUM_BYTES, Injector, InjectorError, echo_frame, ping_frame
+
+MONITOR: Final = 803
+"""ARPHRD_IEEE80211_RADIOTAP of if_arp.h: an interface in monitor mode."""
 
 
 class Pinger:
@@ -60,11 +65,25 @@ def open_pinger(config: Config, clock: Clock) -> Pinger | None:
     """None where the configuration does not ask for one. Raises CompanionError."""
     if not config.ping.enabled or config.csi.interface is None:
         return None
+    kind = interface_kind(config.csi.interface)
+    if kind != MONITOR:
+        raise CompanionError(
+            f"csi.interface {config.csi.interface}: it is not in monitor mode (type {kind}, expected {MONITOR}), and "
+            "pings are no frames for another one: companion doctor radio says how to set it"
+        )
     try:
         injector = Injector(config.csi.interface, config.ping.mcs)
         return Pinger(config, injector, clock, interface_mac(config.csi.interface))
     except InjectorError as error:
         raise CompanionError(f"csi.interface {error.strerror}") from None
+
+
+def interface_kind(interface: str) -> int:
+    """ARPHRD_* of an interface. Raises CompanionError where there is no such one."""
+    try:
+        return int((SYSFS / interface / "type").read_text())
+    except (OSError, ValueError):
+        raise CompanionError(f"csi.interface {interface}: there is no such interface") from None
 
 
 def interface_mac(interface: str) -> bytes:

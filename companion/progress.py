@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,8 +29,7 @@ def tracked_bytes(what: str) -> Iterator[Callable[[int, int], None]]:
     """Gives a function to call with (done, total), as often as one likes. Silent where there is no terminal."""
     bar = Progress(console=Console(stderr=True), transient=True)
     task = bar.add_task(what, total=None)
-    start = time.monotonic()
-    shown = start
+    shown = time.monotonic()
 
     def update(done: int, total: int) -> None:
         nonlocal shown
@@ -38,11 +38,17 @@ def tracked_bytes(what: str) -> Iterator[Callable[[int, int], None]]:
             return
         shown = now
         bar.update(task, completed=done, total=total)
-        if now - start > _PATIENCE_S and bar.console.is_terminal and not bar.live.is_started:
-            bar.start()
 
+    # By a timer, not by the first call: what comes before it, or one long piece between two, is work as well.
+    timer = threading.Timer(_PATIENCE_S, bar.start)
+    timer.daemon = True
+    if bar.console.is_terminal:
+        timer.start()
     try:
         yield update
     finally:
+        timer.cancel()
+        if timer.ident is not None:
+            timer.join()
         if bar.live.is_started:  # stopping one that never started prints an empty line
             bar.stop()

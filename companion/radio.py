@@ -52,7 +52,8 @@ class RadioCounters:
     no_counter: int = 0
     """Records of layout 34, paired by time."""
     lost: int = 0
-    """Records the card made and we never saw, from gaps in its own 16-bit count."""
+    """Records the driver counted and we never saw, from gaps in its own 16-bit count: lost on the way, or never
+    reported, as a beacon's driver does not report the frames meant for other robots though it counts them."""
     restarts: int = 0
     """Times the driver began anew: its count and its clock went back together."""
 

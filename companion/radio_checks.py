@@ -15,11 +15,10 @@ from companion.errors import CompanionError
 from companion.inputs import LiveInputs
 from companion.nl80211 import channel_mhz
 from companion.node import macs
+from companion.pinger import MONITOR
 from companion.radio import ChannelSample, Radio
-from csi_bridge.netlink import connector_available
+from csi_bridge.netlink import ConnectorProbe, connector_available
 
-_MONITOR: Final = 803
-"""ARPHRD_IEEE80211_RADIOTAP of if_arp.h: an interface in monitor mode."""
 _LOG_CSI: Final = 0x01
 _MIN_RATE_HZ: Final = 40.0
 _LOCK_SPAN_S: Final = 1.0
@@ -68,8 +67,11 @@ async def live_checks(config: Config, seconds: float, on_progress: Callable[[flo
         heard[sample.peer] += 1
 
     radio = Radio(source, macs(config), MonotonicClock(), count, lambda *_: None)
+    probe = ConnectorProbe() if config.csi.source == "netlink" else None
     loop = asyncio.get_running_loop()
     loop.add_reader(source.fileno(), radio.drain)
+    if probe is not None:
+        loop.add_reader(probe.fileno(), probe.drain)
     start_s = time.monotonic()
     try:
         while (waited_s := time.monotonic() - start_s) < seconds:
@@ -78,7 +80,11 @@ async def live_checks(config: Config, seconds: float, on_progress: Callable[[flo
     finally:
         loop.remove_reader(source.fileno())
         source.close()
-    return list(_heard(config, radio, heard, seconds, source.counters.refused_sender))
+        if probe is not None:
+            loop.remove_reader(probe.fileno())
+            probe.close()
+    elsewhere = {} if probe is None else {idx: n for idx, n in probe.heard.items() if idx != config.csi.connector_idx}
+    return list(_heard(config, radio, heard, seconds, source.counters.refused_sender, elsewhere))
 
 
 def _module(system: System) -> Check:
@@ -122,8 +128,8 @@ def _interface(config: Config, system: System) -> Iterator[Check]:
         yield Check("interface", False, f"{name} is not there", f"iw phy phy0 interface add {name} type monitor")
         return
     yield Check(
-        "interface", kind == _MONITOR, f"{name} is {'in' if kind == _MONITOR else 'not in'} monitor mode",
-        "" if kind == _MONITOR else f"ip link set {name} down; iw dev {name} set type monitor; ip link set {name} up",
+        "interface", kind == MONITOR, f"{name} is {'in' if kind == MONITOR else 'not in'} monitor mode",
+        "" if kind == MONITOR else f"ip link set {name} down; iw dev {name} set type monitor; ip link set {name} up",
     )  # fmt: skip
     yield Check("interface up", state != "down", state, "" if state != "down" else f"ip link set {name} up")
     yield _channel(config, name)
@@ -143,12 +149,22 @@ def _channel(config: Config, name: str) -> Check:
     )  # fmt: skip
 
 
-def _heard(config: Config, radio: Radio, heard: dict[int, int], seconds: float, refused: int) -> Iterator[Check]:
+def _heard(
+    config: Config, radio: Radio, heard: dict[int, int], seconds: float, refused: int, elsewhere: dict[int, int]
+) -> Iterator[Check]:
     counters = radio.counters
     moving = "" if counters.records else "are frames on the air? start the beacons, or ping them (ping.enabled)"
     if refused and not counters.records:
         moving = f"{refused} records came from a process: csi.require_kernel_sender refuses those"
-    yield Check("counters", counters.records > 0, f"{counters.records} records, {counters.lost} lost", moving)
+    elif elsewhere and not counters.records:
+        groups = ", ".join(f"{count} in group {idx}" for idx, count in sorted(elsewhere.items()))
+        moving = f"records came elsewhere: {groups}; set csi.connector_idx to the driver's"
+    yield Check(
+        "counters",
+        counters.records > 0,
+        f"{counters.records} records, {counters.lost} counted by the driver and never seen",
+        moving,
+    )
     if not counters.records:
         return
     yield _antennas(radio)

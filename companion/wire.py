@@ -2,7 +2,8 @@
 layout byte by byte, with an example.
 
 Positions are of the antenna, ENU, North-aligned, from the sender's own origin. Times are of the sender's monotonic
-clock. A reverse channel is sent as `wsr.reduced` makes it: 13 bytes that keep what a bearing is made of.
+clock. A reverse channel is sent as `wsr.reduced` makes it: 13 bytes that keep what a bearing is made of, less what its
+neighbours in time have in common (`companion.wire_columns`).
 """
 
 from __future__ import annotations
@@ -18,39 +19,39 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from companion.wire_columns import Values, pack, unpack
 from wsr.reduced import COEFFICIENTS
 
-VERSION: Final = 2
+VERSION: Final = 3
 MAX_POSES: Final = 25
 MAX_CSI: Final = 50
 MIN_KEY_BYTES: Final = 32
-UDP_IP_BYTES: Final = 28
+FRAME_BYTES: Final = 42
+"""Ethernet, IP and UDP headers around a datagram, as a network interface counts them."""
 
 _MAGIC: Final = b"WSRN"
-_HEADER: Final = struct.Struct("<4sBBHQQqBBBBiiiIII")
-_POSE: Final = np.dtype([("age", "<u2"), ("dp", "<i2", (3,))])
-_CSI: Final = np.dtype(
-    [
-        ("frame", "u1"),
-        ("nic", "u1", (3,)),
-        ("scale", "u1"),
-        ("power", "i1"),
-        ("coefficients", "u1", (COEFFICIENTS * 2 * 6 // 8,)),
-    ]
-)
-POSE_BYTES: Final = _POSE.itemsize
-CSI_BYTES: Final = _CSI.itemsize
-_TAG_BYTES: Final = 16
-OVERHEAD_BYTES: Final = _HEADER.size + _TAG_BYTES
+_HEADER: Final = struct.Struct("<4sBBHQQqBBBiiiIIIHII")
+_POSE_BITS: Final = (14, 2, 16, 16, 16)
+"""Age [0.1 ms], confidence, position less that of the first [0.1 mm] plus 32768."""
+_COEFFICIENT_BITS: Final = 6
+_CSI_BITS: Final = (2, 8, 8, *(_COEFFICIENT_BITS,) * COEFFICIENTS)
+"""Antenna, scale, power plus 128, and the coefficients, two rows of each for every channel, plus 32."""
+_PER_CHANNEL: Final = len(_CSI_BITS) - COEFFICIENTS
+_STEP_BITS: Final = (8, 22)
+"""Counter and card's stamp [us], each less that of the channel before, from the second channel on."""
+TAG_BYTES: Final = 16
+OVERHEAD_BYTES: Final = _HEADER.size + TAG_BYTES
 _METRES_PER_UNIT: Final = 1e-4
 _NS_PER_US: Final = 1000
 _NS_PER_AGE: Final = 100_000
-_MAX_AGE: Final = (1 << 14) - 1
-_NIC_BITS: Final = 22
-NIC_SPAN_US: Final = 1 << _NIC_BITS
+_MAX_AGE: Final = (1 << _POSE_BITS[0]) - 1
+NIC_SPAN_US: Final = 1 << _STEP_BITS[1]
 _COUNTED: Final = 1
 MAX_FRAME_STEP: Final = 255
 _MAX_METRES: Final = 2e5
+_HALF_POSITION: Final = 1 << 15
+_HALF_COEFFICIENT: Final = 1 << _COEFFICIENT_BITS - 1
+_US_BITS: Final = 32
 
 
 class WireError(ValueError):
@@ -99,6 +100,24 @@ class CsiBatch:
     def __len__(self) -> int:
         return len(self.frame)
 
+    def rows(self, chosen: npt.NDArray[np.intp]) -> CsiBatch:
+        """Some of the channels."""
+        return CsiBatch(*(getattr(self, name)[chosen] for name in CsiBatch.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """A datagram of another robot that the sender has heard: what bounds how long datagrams take, and with it by how
+    much the clocks can differ.
+
+    `sent_us` when that `robot` had sent it, of its monotonic clock the lower 32 bits; `held_us` how long after its
+    arrival the sender's own datagram left.
+    """
+
+    robot: int
+    sent_us: int
+    held_us: int
+
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
@@ -113,6 +132,7 @@ class Datagram:
     poses: PoseBatch
     csi: CsiBatch
     counted: bool = True
+    echo: Echo | None = None
 
 
 def empty_csi() -> CsiBatch:
@@ -139,126 +159,135 @@ def joined(batches: Sequence[CsiBatch]) -> CsiBatch:
 def encode(datagram: Datagram, key: bytes) -> bytes:
     """Raises ValueError for a batch that does not fit: too many rows, times or counters too far apart. The caller
     batches what it gathered within a second or so."""
-    poses, csi = datagram.poses, datagram.csi
+    poses, csi, echo = datagram.poses, datagram.csi, datagram.echo
     if len(poses.t_ns) > MAX_POSES or len(csi) > MAX_CSI:
         raise ValueError(f"{len(poses.t_ns)} poses and {len(csi)} CSI values, at most {MAX_POSES} and {MAX_CSI}")
-    pose_rows, base_m = _pose_rows(poses, datagram.sent_ns)
-    csi_rows, frame, nic_us, age_us = _csi_rows(csi, datagram.sent_ns)
+    pose_columns, base = _pose_columns(poses, datagram.sent_ns)
+    csi_columns, first = _csi_columns(csi, datagram.sent_ns)
     header = _HEADER.pack(
         _MAGIC, VERSION, datagram.role, datagram.sender, datagram.boot_id, datagram.counter, datagram.sent_ns,
-        len(pose_rows), len(csi_rows), _COUNTED if datagram.counted else 0, 0, *base_m, frame, nic_us, age_us,
+        len(poses.t_ns), len(csi), _COUNTED if datagram.counted else 0, *base, *first,
+        *((0, 0, 0) if echo is None else (echo.robot, echo.sent_us, echo.held_us)),
     )  # fmt: skip
-    body = header + pose_rows.tobytes() + csi_rows.tobytes()
-    return body + _tag(body, key)
-
-
-def resigned(data: bytes, key: bytes) -> bytes:
-    """A datagram of a log, whose signature was checked when it arrived, signed anew: a replay has no robot's keys."""
-    body = data[:-_TAG_BYTES]
-    return body + _tag(body, key)
+    body = header + pack([*pose_columns, *csi_columns])
+    return signed(body, key)
 
 
 def sender_of(data: bytes) -> int:
     """The id a datagram claims, to choose the key by. Raises WireError when it is not one of ours."""
-    if len(data) < OVERHEAD_BYTES:
-        raise WireError(f"{len(data)} bytes, expected at least {OVERHEAD_BYTES}")
     if data[:4] != _MAGIC:
         raise WireError(f"magic {data[:4]!r}, expected {_MAGIC!r}")
-    if data[4] != VERSION:
-        raise VersionError(f"wire version {data[4]}, this program speaks {VERSION}: update the older robot")
+    if len(data) > 7 and data[4] != VERSION:
+        sender = data[6] | data[7] << 8
+        older = f"robot {sender}" if data[4] < VERSION else "this robot"
+        raise VersionError(f"robot {sender} speaks wire version {data[4]}, this program {VERSION}: update {older}")
+    if len(data) < OVERHEAD_BYTES:
+        raise WireError(f"{len(data)} bytes, expected at least {OVERHEAD_BYTES}")
     return data[6] | data[7] << 8
 
 
 def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
     """Raises WireError unless `data` is whole, of this version and signed with one of `keys`."""
     sender = sender_of(data)
-    body, tag = data[:-_TAG_BYTES], data[-_TAG_BYTES:]
+    body, tag = data[:-TAG_BYTES], data[-TAG_BYTES:]
     if not any(hmac.compare_digest(tag, _tag(body, key)) for key in keys):
         raise SignatureError(f"signature of sender {sender} is wrong: another key, or a forgery")
-    (_, _, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, spare, *base, frame, nic_us, age_us) = (
-        _HEADER.unpack_from(body)
-    )
-    expected = _HEADER.size + n_poses * _POSE.itemsize + n_csi * _CSI.itemsize
-    sound = role in (Role.UAV, Role.BEACON) and flags <= _COUNTED and spare == 0 and 0 <= sent_ns < 1 << 62
-    if len(body) != expected or not sound or n_poses > MAX_POSES or n_csi > MAX_CSI:
-        raise WireError(
-            f"sender {sender}: {len(body)} bytes with {n_poses} poses and {n_csi} values, expected {expected}"
-        )
-    pose_rows = np.frombuffer(body, _POSE, n_poses, _HEADER.size)
-    csi_rows = np.frombuffer(body, _CSI, n_csi, _HEADER.size + pose_rows.nbytes)
-    nic = csi_rows["nic"].astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
-    later_us = nic & ((1 << _NIC_BITS) - 1)
+    (_, _, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, *rest) = _HEADER.unpack_from(body)
+    base, first, robot, echo = rest[:3], rest[3:6], rest[6], rest[7:]
+    sound = role in (Role.UAV, Role.BEACON) and flags <= _COUNTED and 0 <= sent_ns < 1 << 62
+    if not sound or n_poses > MAX_POSES or n_csi > MAX_CSI:
+        raise WireError(f"sender {sender}: role {role}, flags {flags}, {n_poses} poses and {n_csi} channels")
+    try:
+        columns = unpack(body[_HEADER.size :], _shape(n_poses, n_csi))
+    except ValueError as error:
+        raise WireError(f"sender {sender}: {n_poses} poses and {n_csi} channels: {error}") from None
     return Datagram(
         Role(role),
         sender,
         boot_id,
         counter,
         sent_ns,
-        PoseBatch(
-            sent_ns - (pose_rows["age"] >> 2).astype(np.int64) * _NS_PER_AGE,
-            (np.array(base) + pose_rows["dp"]) * _METRES_PER_UNIT,
-            (pose_rows["age"] & 3).astype(np.uint8),
-        ),
-        CsiBatch(
-            (frame + csi_rows["frame"].astype(np.int64)).astype(np.uint32),
-            # Within one datagram both clocks run alike to ten microseconds.
-            sent_ns + (later_us - age_us) * _NS_PER_US,
-            (nic_us + later_us).astype(np.uint32),
-            _unpacked(csi_rows["coefficients"]),
-            csi_rows["scale"].copy(),
-            csi_rows["power"].copy(),
-            (nic >> _NIC_BITS).astype(np.uint8),
-        ),
+        _poses(columns[: len(_POSE_BITS)] if n_poses else [], np.array(base), sent_ns),
+        _csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns) if n_csi else empty_csi(),
         bool(flags & _COUNTED),
+        Echo(robot, *echo) if robot else None,
     )
 
 
-def _pose_rows(poses: PoseBatch, sent_ns: int) -> tuple[npt.NDArray[np.void], tuple[int, int, int]]:
-    rows = np.zeros(len(poses.t_ns), _POSE)
-    if not len(rows):
-        return rows, (0, 0, 0)
+def _shape(n_poses: int, n_csi: int) -> list[tuple[int, int]]:
+    """Rows and bits of each column."""
+    shape = [(n_poses, bits) for bits in _POSE_BITS] if n_poses else []
+    if n_csi:
+        shape += [(n_csi - 1, bits) for bits in _STEP_BITS]
+        shape += [(n_csi if i < _PER_CHANNEL else 2 * n_csi, bits) for i, bits in enumerate(_CSI_BITS)]
+    return shape
+
+
+def _pose_columns(poses: PoseBatch, sent_ns: int) -> tuple[list[tuple[Values, int]], list[int]]:
+    """The columns and the first position."""
+    if not len(poses.t_ns):
+        return [], [0, 0, 0]
     age = np.rint((sent_ns - poses.t_ns) / _NS_PER_AGE).astype(np.int64)
     far = np.abs(poses.p_enu_m).max()
     if not far < _MAX_METRES:
         raise ValueError(f"a position {far} m from the origin; expected less than {_MAX_METRES}")
     units = np.rint(poses.p_enu_m / _METRES_PER_UNIT).astype(np.int64)
     apart = units - units[0]
-    if age.min() < 0 or age.max() > _MAX_AGE or np.abs(apart).max() > 32767:
+    if age.min() < 0 or age.max() > _MAX_AGE or np.abs(apart).max() >= _HALF_POSITION:
         raise ValueError("poses must be at most 1.6 s old and within 3.2 m of the first")
-    rows["age"] = age << 2 | np.minimum(poses.confidence, 3)
-    rows["dp"] = apart
-    x, y, z = units[0].tolist()
-    return rows, (x, y, z)
+    confidence = np.minimum(poses.confidence, 3).astype(np.int64)
+    columns = (age, confidence, *(apart + _HALF_POSITION).T)
+    return list(zip(columns, _POSE_BITS, strict=True)), units[0].tolist()
 
 
-def _csi_rows(csi: CsiBatch, sent_ns: int) -> tuple[npt.NDArray[np.void], int, int, int]:
-    """Rows, and counter, NIC stamp and age [us] of the first."""
-    rows = np.zeros(len(csi), _CSI)
-    if not len(rows):
-        return rows, 0, 0, 0
+def _poses(columns: list[Values], base: npt.NDArray[np.int64], sent_ns: int) -> PoseBatch:
+    if not columns:
+        return PoseBatch(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.uint8))
+    age, confidence, *apart = columns
+    p_enu_m = np.asarray((base + np.stack(apart, axis=1) - _HALF_POSITION) * _METRES_PER_UNIT, np.float64)
+    return PoseBatch(sent_ns - age * _NS_PER_AGE, p_enu_m, confidence.astype(np.uint8))
+
+
+def _csi_columns(csi: CsiBatch, sent_ns: int) -> tuple[list[tuple[Values, int]], tuple[int, int, int]]:
+    """The columns; and counter, card's stamp and age [us] of the first channel."""
+    if not len(csi):
+        return [], (0, 0, 0)
     frame = (csi.frame - csi.frame[0]).astype(np.uint32)  # wraps as the counter does
     nic = (csi.nic_us - csi.nic_us[0]).astype(np.uint32)
     age_us = round((sent_ns - int(csi.t_ns[0])) / _NS_PER_US)
-    if frame.max() > MAX_FRAME_STEP or nic.max() >= 1 << _NIC_BITS or not 0 <= age_us < 1 << 32:
+    if frame.max() > MAX_FRAME_STEP or nic.max() >= NIC_SPAN_US or not 0 <= age_us < 1 << _US_BITS:
         raise ValueError("frame counters must rise by less than 256 and NIC stamps by less than 4.19 s")
-    packed = nic | csi.antenna.astype(np.uint32) << _NIC_BITS
-    rows["frame"] = frame
-    rows["nic"] = np.stack([packed & 255, packed >> 8 & 255, packed >> 16 & 255], axis=1)
-    rows["scale"], rows["power"], rows["coefficients"] = csi.scale, csi.power_dbm, _packed(csi.coefficients)
-    return rows, int(csi.frame[0]), int(csi.nic_us[0]), age_us
+    # A step back is one round less of the column's own size.
+    steps = [np.diff(v.astype(np.int64)) & (1 << bits) - 1 for v, bits in zip((frame, nic), _STEP_BITS, strict=True)]
+    parts = csi.coefficients.astype(np.int64).transpose(1, 0, 2).reshape(COEFFICIENTS, -1) + _HALF_COEFFICIENT
+    rows = (csi.antenna.astype(np.int64), csi.scale.astype(np.int64), csi.power_dbm.astype(np.int64) + 128, *parts)
+    columns = [*zip(steps, _STEP_BITS, strict=True), *zip(rows, _CSI_BITS, strict=True)]
+    return columns, (int(csi.frame[0]), int(csi.nic_us[0]), age_us)
 
 
-def _packed(coefficients: npt.NDArray[np.int8]) -> npt.NDArray[np.uint8]:
-    """(N, 8, 2) of -31..31 -> (N, 12): four numbers in three bytes, each plus 32, the first in the lowest bits."""
-    fours = (coefficients.reshape(-1, 4).astype(np.int32) + 32) @ np.array([1, 1 << 6, 1 << 12, 1 << 18])
-    return np.asarray(fours.astype("<u4")[:, np.newaxis].view(np.uint8)[:, :3]).reshape(len(coefficients), -1)
+def _csi(columns: list[Values], first: Sequence[int], sent_ns: int) -> CsiBatch:
+    frame, nic_us, age_us = first
+    later, later_us = (
+        np.concatenate([[0], np.cumsum(steps)]) & (1 << bits) - 1
+        for steps, bits in zip(columns[: len(_STEP_BITS)], _STEP_BITS, strict=True)
+    )
+    antenna, scale, power, *parts = columns[len(_STEP_BITS) :]
+    coefficients = np.stack(parts).reshape(COEFFICIENTS, -1, 2).transpose(1, 0, 2) - _HALF_COEFFICIENT
+    return CsiBatch(
+        (frame + later).astype(np.uint32),
+        # Within one datagram both clocks run alike to ten microseconds.
+        sent_ns + (later_us - age_us) * _NS_PER_US,
+        (nic_us + later_us).astype(np.uint32),
+        coefficients.astype(np.int8),
+        scale.astype(np.uint8),
+        (power - 128).astype(np.int8),
+        antenna.astype(np.uint8),
+    )
 
 
-def _unpacked(packed: npt.NDArray[np.uint8]) -> npt.NDArray[np.int8]:
-    fours = packed.reshape(-1, 3).astype(np.int32) @ np.array([1, 1 << 8, 1 << 16])
-    parts = (fours[:, np.newaxis] >> np.array([0, 6, 12, 18]) & 63) - 32
-    return np.asarray(parts.reshape(len(packed), COEFFICIENTS, 2), np.int8)
+def signed(body: bytes, key: bytes) -> bytes:
+    return body + _tag(body, key)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:
-    return hmac.digest(key, body, hashlib.sha256)[:_TAG_BYTES]
+    return hmac.digest(key, body, hashlib.sha256)[:TAG_BYTES]

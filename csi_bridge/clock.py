@@ -7,6 +7,7 @@ A packet reaches the host late by a varying delay, never early. So the relation 
 from __future__ import annotations
 
 from collections import deque
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,7 @@ _BUCKETS: Final = 20
 _SLOPE_SPAN_NS: Final = 3_000_000_000
 _BLOCK: Final = 100
 _MAX_LEAD_NS: Final = 1_000_000
+_AGREE_WITHIN_NS: Final = 2_000_000_000
 
 Point = tuple[float, float]
 
@@ -30,7 +32,8 @@ Point = tuple[float, float]
 class NicClock:
     """Maps each packet's NIC time stamp to the host's monotonic clock. One clock for each NIC.
 
-    Wraps of the 32-bit counter are followed. A counter that went back, that is half a second ahead of the host, or ten
+    Wraps of the 32-bit counter are followed. One packet that seems far too early has a wrong stamp; two that agree show
+    that all before were late. A counter that went back, that is half a second ahead of the host, or ten
     seconds behind it has been reset, and the mapping starts over.
     """
 
@@ -42,6 +45,8 @@ class NicClock:
         self._start_offset_ns = 0
         self._minima: deque[tuple[int, Point]] = deque(maxlen=_BUCKETS)
         self._line = (0.0, 0.0)
+        self._doubted: Point = (0.0, inf)
+        """The newest packet that seems to have come long before the fastest one."""
         self.resets = 0
 
     def update(self, timestamp_low_us: int, t_mono_ns: int) -> int:
@@ -94,9 +99,12 @@ class NicClock:
         self._nic_ns = self._start_nic_ns = stamp_us * 1000
         self._start_offset_ns = t_mono_ns - self._nic_ns
         self._minima.clear()
+        self._doubted = (0.0, inf)
 
     def _keep(self, elapsed_ns: int, offset_ns: float) -> bool:
         """Whether the packet is one of those that the line rests on."""
+        if self._minima and self._is_doubtful(elapsed_ns, offset_ns):
+            return False
         bucket = elapsed_ns // _BUCKET_NS
         point = (float(elapsed_ns), offset_ns)
         if not self._minima or bucket > self._minima[-1][0]:
@@ -106,6 +114,14 @@ class NicClock:
             self._minima[-1] = (bucket, point)
             return True
         return False
+
+    def _is_doubtful(self, elapsed_ns: int, offset_ns: float) -> bool:
+        if self._correction_ns(elapsed_ns) - offset_ns <= _MAX_LEAD_NS:
+            return False
+        then_ns, doubted_ns = self._doubted
+        agrees = abs(offset_ns - doubted_ns) <= _MAX_LEAD_NS and abs(elapsed_ns - then_ns) <= _AGREE_WITHIN_NS
+        self._doubted = float(elapsed_ns), offset_ns
+        return not agrees
 
 
 def envelope(points: list[Point]) -> tuple[float, float]:

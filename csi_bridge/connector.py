@@ -23,12 +23,18 @@ def encode_message(connector_idx: int, code: int, body: bytes) -> bytes:
     return header + _CN_MSG.pack(connector_idx, 1, 0, 0, len(data), 0) + data
 
 
-def decode_message(datagram: bytes, connector_idx: int) -> tuple[int, bytes]:
-    """(code, body) of a datagram. Raises CsiError for anything but one whole message of `connector_idx`."""
+def connector_idx_of(datagram: bytes) -> int:
+    """The connector index a message is of. Raises CsiError where it is too short to say."""
     if len(datagram) <= _DATA_START:
         raise CsiError(f"message of {len(datagram)} bytes, expected more than {_DATA_START}")
+    return int(_CN_MSG.unpack_from(datagram, _NLMSGHDR.size)[0])
+
+
+def decode_message(datagram: bytes, connector_idx: int) -> tuple[int, bytes]:
+    """(code, body) of a datagram. Raises CsiError for anything but one whole message of `connector_idx`."""
+    idx = connector_idx_of(datagram)
     total = _NLMSGHDR.unpack_from(datagram)[0]
-    idx, _, _, _, length, _ = _CN_MSG.unpack_from(datagram, _NLMSGHDR.size)
+    length = _CN_MSG.unpack_from(datagram, _NLMSGHDR.size)[4]
     if idx != connector_idx:
         raise CsiError(f"connector index {idx}, expected {connector_idx}", _NLMSGHDR.size)
     if length == 0 or _DATA_START + length > min(total, len(datagram)):

@@ -8,11 +8,13 @@ from __future__ import annotations
 import errno
 import os
 import socket
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
-from csi_bridge.connector import decode_message, encode_message
-from csi_bridge.records import CsiError
+from csi_bridge.connector import connector_idx_of, decode_message, encode_message
+from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError
 from csi_bridge.source import SourceCounters
 
 DEFAULT_CONNECTOR_IDX: Final = 26
@@ -23,6 +25,9 @@ _NETLINK_ADD_MEMBERSHIP: Final = 1
 _SO_RCVBUFFORCE: Final = 33
 _KERNEL_PORT_ID: Final = 0
 _DATAGRAM_BYTES: Final = 8192
+_PROBED_AT_ONCE: Final = 1024
+_NETLINK_SOCKETS: Final = Path("/proc/net/netlink")
+CONNECTOR_GROUPS: Final = range(1, 33)
 
 
 class NetlinkError(OSError):
@@ -116,6 +121,57 @@ class NetlinkFeeder:
 
     def close(self) -> None:
         self._socket.close()
+
+
+class ConnectorProbe:
+    """Hears every connector group at once: in which of them does a driver report? Raises NetlinkError."""
+
+    def __init__(self) -> None:
+        self._socket = _open()
+        _grow(self._socket, 4 << 20)
+        self.heard: Counter[int] = Counter()
+        """Records by connector index."""
+        for group in CONNECTOR_GROUPS:
+            try:
+                self._socket.setsockopt(_SOL_NETLINK, _NETLINK_ADD_MEMBERSHIP, group)
+            except OSError as error:
+                if error.errno != errno.EINVAL:  # this kernel has fewer groups
+                    self._socket.close()
+                    raise _refusal(f"joining connector group {group}", error) from None
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def drain(self) -> None:
+        """Counts what has arrived."""
+        for _ in range(_PROBED_AT_ONCE):
+            try:
+                datagram = self._socket.recv(_DATAGRAM_BYTES)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if error.errno != errno.ENOBUFS:
+                    raise
+                continue
+            try:
+                idx = connector_idx_of(datagram)
+                code, _ = decode_message(datagram, idx)
+            except CsiError:
+                continue
+            self.heard[idx] += code in (CSI_CODE, MPDU_CODE)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def group_has_listener(connector_idx: int) -> bool | None:
+    """Whether any process has joined the group, as /proc/net/netlink shows it; None where that cannot be read."""
+    try:
+        rows = [line.split() for line in _NETLINK_SOCKETS.read_text().splitlines()[1:]]
+        joined = [int(row[3], 16) for row in rows if int(row[1]) == _NETLINK_CONNECTOR]
+    except (OSError, ValueError, IndexError):
+        return None
+    return any(groups >> (connector_idx - 1) & 1 for groups in joined)
 
 
 def connector_available(connector_idx: int = DEFAULT_CONNECTOR_IDX) -> str | None:

@@ -89,6 +89,16 @@ class UnixFeeder:
         self._socket.close()
 
 
+def is_listened_on(path: str | Path) -> bool:
+    """Whether a process has this socket open."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return False
+    return True
+
+
 def remove_stale(path: Path) -> None:
     """Remove the socket file of a process that is gone. Raises UnixSocketError when one listens on it."""
     if not path.is_socket():

@@ -137,7 +137,8 @@ def make_aperture(
 
     `p_j_m` (M, 3) are the other end's antenna positions in the same axes (its origin is free), None if it stands
     still. Packets may come in any order. Raises ApertureError on values that are not finite, on fewer than
-    `min_packets` packets, and when the packets lie within less than `min_length_m` (two wavelengths if not given).
+    `min_packets` packets, on fewer different places than that (a tracker that repeats itself), and when the packets
+    lie within less than `min_length_m` (two wavelengths if not given).
     The length here is the longest extent, not the path, because the jitter of a hovering vehicle lengthens the path.
     """
     times = np.asarray(t_s, np.float64)
@@ -169,4 +170,8 @@ def make_aperture(
     needed = MIN_LENGTH_WAVELENGTHS * wavelength_m if min_length_m is None else min_length_m
     if aperture.extents_m[0] < needed:
         raise ApertureError(f"aperture spans {aperture.extents_m[0]:.3f} m; needs at least {needed:.3f} m")
+    places = 1 + int(np.count_nonzero(np.any(np.diff(aperture.chi_m, axis=0) != 0.0, axis=1)))
+    needed_places = min(max(min_packets, 1), MIN_PACKETS)
+    if places < needed_places:
+        raise ApertureError(f"aperture has {places} different places; needs at least {needed_places}")
     return aperture

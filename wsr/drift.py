@@ -53,13 +53,14 @@ def find_drift(
     starts: list[tuple[float, float]],
     ranges_m: tuple[float | None, ...],
     beam_rad: float,
+    bounds: Bounds,
 ) -> Drift | None:
     """The linear phase over the bins' times t (B,), if there is one to believe; searched around each of the `starts`
     (azimuth, polar angle). None where geometry cannot tell, or where it explains too little."""
     whole = parts.whole()
     tau = (t_s - t_s.mean()) / max(float(np.ptp(t_s)), 1e-9)
     x_m = whole.x.T.astype(np.float64) * whole.wavelength_m
-    if focus.coherence >= 1.0 or not is_told_apart(x_m, tau, whole.wavelength_m, focus):
+    if focus.coherence >= 1.0 or not is_told_apart(x_m, tau, whole.wavelength_m, focus, bounds.planar):
         return None
     path_turns = float(np.linalg.norm(np.diff(x_m, axis=0), axis=1).sum()) / whole.wavelength_m
     most = max(_TURN_STEP, _MAX_BIAS * path_turns)
@@ -70,16 +71,19 @@ def find_drift(
         n, r = np.unravel_index(int(np.argmax(scores)), scores.shape)
         if scores[n, r] > best[0]:
             best = (float(scores[n, r]), float(turns), around[n], ranges_m[r])
-    found = _refined(whole, tau, best[1], best[2], best[3], beam_rad)
+    found = _refined(whole, tau, best[1], best[2], best[3], beam_rad, bounds)
     if 1.0 - found.focus.coherence > _EXPLAINED * (1.0 - focus.coherence):
         return None
     return found
 
 
-def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus) -> bool:
-    """Whether bins x (B, 3) tell a linear phase over tau (B,) from a direction."""
-    alone = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False)[:2, :2]
-    both = bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level=False, nuisance=tau)[:2, :2]
+def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus, level: bool = False) -> bool:
+    """Whether bins x (B, 3) tell a linear phase over tau (B,) from a direction; `level`: from an azimuth."""
+    free = slice(0, 1 if level else 2)
+    alone, both = (
+        bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level, nuisance)[free, free]
+        for nuisance in (None, tau)
+    )
     if not (np.isfinite(np.diag(alone)).all() and np.isfinite(np.diag(both)).all()):
         return False
     # In the direction across which it costs most: neither angle need show it where both are hardly known.
@@ -102,7 +106,9 @@ def _cap(azimuth: float, polar: float) -> Array:
     return np.asarray(around / np.linalg.norm(around, axis=1, keepdims=True))
 
 
-def _refined(parts: SubApertures, tau: Array, turns: float, u: Array, range_m: float | None, beam_rad: float) -> Drift:
+def _refined(
+    parts: SubApertures, tau: Array, turns: float, u: Array, range_m: float | None, beam_rad: float, bounds: Bounds
+) -> Drift:
     """Direction and range by `refine`, turns by parabolas, in turn."""
     azimuth, polar = math.atan2(u[1], u[0]), math.acos(min(max(float(u[2]), -1.0), 1.0))
     focus = Focus(azimuth, polar, range_m, 0.0, 0.0)
@@ -110,7 +116,7 @@ def _refined(parts: SubApertures, tau: Array, turns: float, u: Array, range_m: f
     for _ in range(_ROUNDS):
         start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
         here = turned(parts, tau, turns)
-        focus = refine(here, start, np.ones(1), step_rad, beam_rad, Bounds(), None, 2.0, _STEPS_A_ROUND)
+        focus = refine(here, start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
         at = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
         low, middle, high = (
             float(score(turned(parts, tau, turns + d), at, (focus.range_m,), None).coherence[0, 0, 0])
@@ -122,5 +128,5 @@ def _refined(parts: SubApertures, tau: Array, turns: float, u: Array, range_m: f
         width, step_rad = 0.5 * width, 0.5 * step_rad
     here = turned(parts, tau, turns)
     start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
-    focus = refine(here, start, np.ones(1), step_rad, beam_rad, Bounds(), None, 2.0, _STEPS_A_ROUND)
+    focus = refine(here, start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
     return Drift(focus, turns, tau, here)

@@ -33,6 +33,7 @@ def check_axes(config_path: Path, distance: float, json_path: Path | None) -> No
     """
     config = load_config(config_path)
     control = config.path(config.control_socket)
+    _pose(control)  # before a person starts to carry: is there a service, and has it poses?
     results = [_one(control, move, distance) for move in MOVES]
     north = _north(_pose(control))
     click.echo(north[1])

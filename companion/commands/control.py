@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,44 @@ def status(socket_path: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(answer, indent=2))
         return
+    health = answer.pop("health", {})
     for key, value in answer.items():
         if not isinstance(value, dict) and key != "ok":
             click.echo(f"{key:>20}  {value}")
+    for label, text in radio_lines(health):
+        click.echo(f"{label:>20}  {text}")
+
+
+def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """(label, what a person wants to know) of the card, the neighbours and the interfaces, from a service's health."""
+    if (radio := health.get("radio")) is not None:
+        refused = radio["malformed"] + radio["unknown_sender"] + radio["no_sender"] + radio["wide"]
+        seen = f"{radio['samples']} packets of neighbours, {refused} of others or unusable"
+        yield "card", f"{seen}, {radio['lost']} counted by the driver and never seen"
+    for name, neighbour in health.get("neighbours", {}).items():
+        yield f"neighbour {name}", ", ".join(_neighbour(neighbour))
+    if "link" in health:
+        strangers = {key: health["link"][key] for key in ("unknown_sender", "malformed", "version")}
+        yield "strangers", ", ".join(f"{count} {_words(key)}" for key, count in strangers.items())
+    for name, rate in health.get("interfaces", {}).items():
+        yield f"sent at {name}", f"{rate / 1000:.1f} KB/s"
+    for pair in health.get("lookalikes", ()):
+        yield "look alike", f"{' and '.join(pair)}: one transmitter behind both?"
+
+
+def _neighbour(neighbour: dict[str, Any]) -> Iterator[str]:
+    yield f"{neighbour['state']}, {neighbour['accepted']} datagrams"
+    if neighbour["pairing_rate"] is not None:
+        yield f"{100 * neighbour['pairing_rate']:.0f} % of its packets paired"
+    if neighbour["clock_offset_s"] is not None:
+        uncertainty_ms = 1e3 * neighbour["clock_uncertainty_s"]
+        yield f"its clock {neighbour['clock_offset_s']:+.4f} s from ours, uncertain by {uncertainty_ms:.1f} ms"
+    if neighbour["round_trip_s"] is not None:
+        yield f"round trip {1e3 * neighbour['round_trip_s']:.1f} ms"
+    for reason, count in neighbour["refused"].items():
+        if count:
+            yield f"{count} refused: {_words(reason)}"
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 import click
+from rich.console import Console
+from rich.progress import Progress
 
+from companion.config import Config
 from companion.config_file import load_config
 from companion.errors import CompanionError
 from companion.radio_checks import Check, System, failed, live_checks, static_checks
@@ -35,10 +40,10 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
     for check in static_checks(config, System()):
         _show(check)
         checks.append(check)
-    try:
-        heard = asyncio.run(live_checks(config, seconds, lambda _: None))
-    except CompanionError as error:
-        heard = [Check("CSI source", False, str(error), "is the service running on the same socket?")]
+    if any(check.name == "connector" and check.ok is False for check in checks):
+        heard = [Check("counters", None, "not listened to: the connector does not deliver")]
+    else:
+        heard = _heard(config, seconds)
     for check in heard:
         _show(check)
     checks += heard
@@ -48,6 +53,24 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
         except OSError as error:
             raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
     failed(checks)
+
+
+def _heard(config: Config, seconds: float) -> list[Check]:
+    try:
+        with _listening(seconds) as update:
+            return asyncio.run(live_checks(config, seconds, update))
+    except CompanionError as error:
+        remedy = "is the service running on the same socket?" if config.csi.source == "unix" else ""
+        return [Check("CSI source", False, str(error), remedy)]
+
+
+@contextmanager
+def _listening(seconds: float) -> Iterator[Callable[[float], None]]:
+    """A bar that fills while it listens. Silent where there is no terminal."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"listening for {seconds:g} s", total=1.0)
+        yield lambda share: bar.update(task, completed=share)
 
 
 def _show(check: Check) -> None:

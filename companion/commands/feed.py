@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 import click
 from rich.console import Console
@@ -12,9 +14,17 @@ from rich.progress import Progress
 
 from companion.errors import CompanionError
 from csi_bridge.dat import DatFileError
-from csi_bridge.netlink import DEFAULT_CONNECTOR_IDX, NetlinkError, NetlinkFeeder
+from csi_bridge.netlink import (
+    DEFAULT_CONNECTOR_IDX,
+    NetlinkError,
+    NetlinkFeeder,
+    connector_available,
+    group_has_listener,
+)
 from csi_bridge.replay import Feeder, play, read_tape
-from csi_bridge.unix_socket import UnixFeeder
+from csi_bridge.unix_socket import UnixFeeder, is_listened_on
+
+_PATIENCE_S: Final = 3.0
 
 
 @click.command()
@@ -38,7 +48,7 @@ from csi_bridge.unix_socket import UnixFeeder
 def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, json_path: Path | None) -> None:
     """Play the CSI log FILE to a running service, which cannot tell it from the driver.
 
-    Needs root for the connector; the service must be configured with csi.require_kernel_sender: false.
+    Needs root for the connector; the service must be running already, with csi.require_kernel_sender: false.
     """
     try:
         tape = read_tape(file)
@@ -46,15 +56,25 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     except DatFileError as error:
         raise CompanionError(str(error)) from None
     except NetlinkError as error:
-        raise CompanionError(f"connector {connector_idx}: {error.strerror}; --unix SOCKET works without") from None
+        raise _no_connector(connector_idx, error) from None
+    if unix_path is not None:
+        _await(lambda: is_listened_on(unix_path), f"{unix_path}: no service listens there", "csi.source: unix")
+    else:
+        if group_has_listener(connector_idx) is False and (reason := connector_available(connector_idx)) is not None:
+            raise CompanionError(f"connector {connector_idx}: {reason}; --unix SOCKET works without")
+        name, wanted = f"connector {connector_idx}", f"csi.source: netlink and csi.connector_idx: {connector_idx}"
+        _await(lambda: group_has_listener(connector_idx) is not False, f"{name}: nobody has joined that group", wanted)
     start_s = time.monotonic()
     sent = taken = 0
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"feeding {file.name}", total=len(tape.records))
-        for progressed in play(tape, feeder, rate):
-            sent, taken = progressed
-            progress.update(task, completed=sent)
+        try:
+            for progressed in play(tape, feeder, rate):
+                sent, taken = progressed
+                progress.update(task, completed=sent)
+        except NetlinkError as error:
+            raise _no_connector(connector_idx, error) from None
     feeder.close()
     result = {
         "file": str(file),
@@ -69,3 +89,20 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
             json_path.write_text(json.dumps(result, indent=2) + "\n")
         except OSError as error:
             raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
+    if not taken:
+        raise CompanionError(
+            f"{file}: none of its {sent} records was taken: the receiver is gone, or its buffer is full"
+        )
+
+
+def _await(is_there: Callable[[], bool], what: str, wanted: str) -> None:
+    """A service that has just been started takes a moment. Raises CompanionError."""
+    deadline_s = time.monotonic() + _PATIENCE_S
+    while not is_there():
+        if time.monotonic() > deadline_s:
+            raise CompanionError(f"{what}; start the service first, with {wanted}")
+        time.sleep(0.05)
+
+
+def _no_connector(connector_idx: int, error: NetlinkError) -> CompanionError:
+    return CompanionError(f"connector {connector_idx}: {error.strerror}; --unix SOCKET works without")

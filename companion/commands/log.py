@@ -52,6 +52,8 @@ def repair(path: Path, out: Path | None) -> None:
     with tracked_bytes("repairing") as progress:
         saved = save(path, target, progress)
     click.echo(f"{target}: {saved.messages} messages" + (" (it was whole already)" if saved.was_whole else ""))
+    if saved.damaged:
+        click.echo(f"{saved.damaged} damaged places left out: a replay of it will differ from there on", err=True)
 
 
 @log.command()
@@ -144,7 +146,8 @@ def import_(
 
 
 def _show(one: LogInfo, console: Console) -> None:
-    state = "whole" if one.is_whole else "CUT OFF (companion log repair makes it whole)"
+    broken = f"DAMAGED at {one.damaged} places" if one.damaged else "CUT OFF"
+    state = "whole" if one.is_whole else f"{broken} (companion log repair saves what can be read)"
     meta = one.metadata
     console.print(f"{one.path}: {one.size_bytes / 1e6:.2f} MB, {one.duration_s:.1f} s, {state}", highlight=False)
     about = [f"{key} {meta[key]}" for key in ("role", "name", "version", "session", "part") if key in meta]
@@ -165,6 +168,7 @@ def _info_json(one: LogInfo) -> dict[str, object]:
         "path": str(one.path),
         "size_bytes": one.size_bytes,
         "is_whole": one.is_whole,
+        "damaged": one.damaged,
         "duration_s": one.duration_s,
         "dropped": one.dropped,
         "metadata": dict(one.metadata),

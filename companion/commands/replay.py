@@ -16,7 +16,7 @@ from rich.table import Table
 
 from companion.config import Config
 from companion.config_file import load_config
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.log_reader import Session, open_session
 from companion.progress import tracked_bytes, working
 from companion.replay.check import StreamCheck, check
@@ -71,9 +71,15 @@ def replay(
         raise click.UsageError("--check asks for identity, --config for a difference: give one of them")
     session = open_session(log)
     if session.metadata.get("role") == "recording":
+        for name, is_given in (("--check", is_check), ("--config", config_path), ("--live-page", live_page)):
+            if is_given:
+                raise click.UsageError(
+                    f"{name}: {log} is an imported recording, which has no decisions to compare and no mission; its "
+                    "replay gives its bearings (other estimators: companion log export, then analyze --estimator)"
+                )
         _replay_recording(session, json_path, out)
         return
-    config = session.config() if config_path is None else load_config(config_path)
+    config = session.config() if config_path is None else _other_config(config_path)
     console = Console() if Console().is_terminal else Console(width=_WIDTH)
     begun = time.monotonic()
     with Player(session, config, exact=config_path is None) as player:
@@ -87,7 +93,18 @@ def replay(
     took_s = time.monotonic() - begun
     factor = result.flight_s / max(took_s, 1e-3)
     console.print(f"{result.flight_s:.1f} s of recording in {took_s:.1f} s: {factor:.0f} times real time")
+    if result.is_cut:
+        click.echo(
+            f"the log is cut off or damaged: {result.flight_s:.1f} s can be replayed, up to its last whole event"
+        )
     _conclude(session, config, result, (is_check, config_path, json_path, out), console)
+
+
+def _other_config(path: Path) -> Config:
+    config = load_config(path)
+    if config.role != "uav":
+        raise ConfigError(f"{path}: role: {config.role}; expected uav, the configuration of a robot that flies")
+    return config
 
 
 def _conclude(
@@ -142,8 +159,8 @@ def _check_table(checks: list[StreamCheck]) -> Table:
     table.add_column("first difference", overflow="fold")
     for one in checks:
         where = one.difference
-        text = "none" if where is None else f"message {where.index} at {where.t_s:.2f} s: {where.what}"
-        table.add_row(one.topic, str(one.recorded), str(one.replayed), str(one.identical), text)
+        counts = (str(count) for count in (one.recorded, one.replayed, one.identical))
+        table.add_row(one.topic, *counts, "none" if where is None else str(where))
     return table
 
 
@@ -154,12 +171,13 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
     table = Table(title="as flown, and as the other configuration would have had it", title_justify="left")
     for name in ("t [s]", "peer", "azimuth", "other", "moved", "reliability", "other", "error", "other"):
         table.add_column(name, justify="right")
+    table.add_column("why not", overflow="fold")
     for row in rows:
         table.add_row(
             f"{row.t_s:.1f}", str(row.peer),
             _degrees(row.recorded_azimuth_deg), _degrees(row.replayed_azimuth_deg), _degrees(row.moved_deg),
             _share(row.recorded_reliability), _share(row.replayed_reliability),
-            _degrees(row.recorded_error_deg), _degrees(row.replayed_error_deg),
+            _degrees(row.recorded_error_deg), _degrees(row.replayed_error_deg), _why_not(row),
         )  # fmt: skip
     console.print(table)
     before, after = mission_steps(result.recorded, start_ns), mission_steps(result.decided, start_ns)
@@ -201,6 +219,15 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
+
+
+def _why_not(row: BearingRow) -> str:
+    """Why a side has no bearing."""
+    sides = (
+        ("flown", row.recorded_azimuth_deg, row.recorded_refusal),
+        ("other", row.replayed_azimuth_deg, row.replayed_refusal),
+    )
+    return "; ".join(f"{name}: {refusal or 'no such iteration'}" for name, azimuth, refusal in sides if azimuth is None)
 
 
 def _degrees(value: float | None) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +20,21 @@ from companion.study.catalogue import study as load_study
 from companion.study.local import ProcessRunner
 from companion.study.report import draw, findings_table, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
-from companion.study.trials import Runner
+from companion.study.trials import Runner, RunnerError, TrialError
 
 ALL = "all"
+_PAGE = "report.html"
 _PIPE_COLUMNS = 140
 _path = click.Path(path_type=Path)
+_TRIALS = (
+    "Trials a condition; of rendezvous missions in all, of vio runs, and crb has nothing random to repeat.  "
+    "[default: the study's own]"
+)
 
 
 @click.command()
 @click.argument("name", type=click.Choice([*MODULES, ALL]))
-@click.option("--trials", type=click.IntRange(min=1), help="Trials a condition.  [default: the study's own]")
+@click.option("--trials", type=click.IntRange(min=1), help=_TRIALS)
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Same seed, same numbers.")
 @click.option("--json", "json_path", type=_path, help="Write findings and rows; of `all` a list.")
 @click.option(
@@ -61,31 +68,79 @@ def study(
     console = Console()
     if not console.is_terminal:
         console = Console(width=_PIPE_COLUMNS)
+    # A study may take an hour: what would lose its results is said before.
+    _written(_try_writing, out / f"{name}.png" if name != ALL else out / _PAGE)
+    if json_path is not None:
+        _written(_try_writing, json_path)
+    done = _Done(name, out, json_path)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
-    outcomes, pictures = [], {}
     with _runner(cluster, jobs) as runner:
         for each in studies:
             try:
-                outcome = _run(each, trials, seed, data, runner)
+                specs = each.plan(Settings(each.default_trials if trials is None else trials, data.resolve()))
             except CompanionError as error:
                 if name != ALL:
                     raise
-                console.print(f"{each.name}: left out: {error}", markup=False, highlight=False)
+                done.leave_out(each, f"left out: {error}", console)
+                continue
+            try:
+                outcome = _run(each, specs, seed, runner)
+            except (TrialError, RunnerError) as error:
+                if name != ALL:
+                    raise
+                done.failed.append(each.name)
+                done.leave_out(each, f"failed: {error}", console)
+                if isinstance(error, RunnerError):
+                    break
                 continue
             _print(outcome, runner, console)
-            outcomes.append(outcome)
-            pictures[each.name] = out / f"{each.name}.png"
-            _written(draw, pictures[each.name], each, outcome)
-    if not outcomes:
-        raise CompanionError("no study could be run")
-    written = list(pictures.values())
-    if name == ALL:
-        written.append(out / "report.html")
-        _written(write_page, written[-1], outcomes, pictures)
-    if json_path is not None:
-        written.append(json_path)
-        _written(write_json, json_path, outcomes if name == ALL else outcomes[0])
-    console.print("written: " + ", ".join(map(str, written)), highlight=False)
+            done.add(each, outcome)
+    done.finish(console)
+
+
+@dataclass(slots=True)
+class _Done:
+    """What is there so far. Of `all` the page and the JSON grow with each study, so that nothing is lost half way."""
+
+    name: str
+    out: Path
+    json_path: Path | None
+    outcomes: list[Outcome] = field(default_factory=list)
+    pictures: dict[str, Path] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+
+    def leave_out(self, study: Study[Any, Any], why: str, console: Console) -> None:
+        console.print(f"{study.name}: {why}", markup=False, highlight=False)
+        self.missing[study.name] = why
+        self._write()
+
+    def add(self, study: Study[Any, Any], outcome: Outcome) -> None:
+        picture = self.out / f"{study.name}.png"
+        _written(draw, picture, study, outcome)
+        self.outcomes.append(outcome)
+        self.pictures[study.name] = picture
+        self._write()
+
+    def finish(self, console: Console) -> None:
+        """Raises CompanionError when a study of `all` failed, or none could be run."""
+        if self.outcomes:
+            page = [self.out / _PAGE] if self.name == ALL else []
+            json_path = [] if self.json_path is None else [self.json_path]
+            written = [*self.pictures.values(), *page, *json_path]
+            console.print("written: " + ", ".join(map(str, written)), highlight=False)
+        if self.failed:
+            raise CompanionError("; ".join(f"{name} {self.missing[name]}" for name in self.failed))
+        if not self.outcomes:
+            raise CompanionError("no study could be run")
+
+    def _write(self) -> None:
+        if not self.outcomes:
+            return
+        if self.name == ALL:
+            _written(write_page, self.out / _PAGE, self.outcomes, self.pictures, self.missing)
+        if self.json_path is not None:
+            _written(write_json, self.json_path, self.outcomes if self.name == ALL else self.outcomes[0])
 
 
 def _runner(cluster: str | None, jobs: int) -> Any:
@@ -97,15 +152,15 @@ def _runner(cluster: str | None, jobs: int) -> Any:
     return DaskRunner(cluster)
 
 
-def _run(study: Study[Any, Any], trials: int | None, seed: int, data: Path, runner: Runner) -> Outcome:
-    count = study.default_trials if trials is None else trials
-    specs = study.plan(Settings(count, data.resolve()))
+def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner) -> Outcome:
     start = time.monotonic()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(study.name, total=len(specs))
         rows = runner.run(study.trial, specs, seed, lambda done: progress.advance(task, done))
     summary = study.summarise(rows)
+    if not summary.findings:
+        raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
     elapsed_s = time.monotonic() - start
     return Outcome(
         study.name, study.title, study.figures, seed, len(specs), elapsed_s, summary.findings, summary.notes, rows
@@ -117,6 +172,15 @@ def _print(outcome: Outcome, runner: Runner, console: Console) -> None:
     for note in outcome.notes:
         console.print(f"  {note}", markup=False, highlight=False)
     console.print(f"  seed {outcome.seed}; {runner.name}", markup=False, highlight=False)
+
+
+def _try_writing(path: Path) -> None:
+    """Makes the folder, and leaves the file as it was. Raises OSError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    there = path.exists()
+    path.open("ab").close()
+    if not there:
+        path.unlink()
 
 
 def _written(write: Any, path: Path, *arguments: Any) -> None:

@@ -13,7 +13,7 @@ from google.protobuf.message import Message as ProtobufMessage
 from mcap_protobuf.schema import build_file_descriptor_set
 
 from companion.log import foxglove
-from companion.messages import VehicleState
+from companion.messages import Pose, VehicleState
 from companion.sar import ApertureRecord, Iteration
 from companion.streams import APERTURE_PATH, LOG, POSE, PROFILE, SCENE, TRANSFORMS, Stream
 from companion.tracker import TargetReport
@@ -53,11 +53,13 @@ def schema_of(message: Any) -> tuple[str, str, bytes]:
     return "", "", b""
 
 
-def views(stream: Stream, t_ns: int, message: Any) -> Iterator[tuple[Stream, ProtobufMessage]]:
-    """What a viewer shows of a message. `t_ns` is wall time."""
+def views(
+    stream: Stream, t_ns: int, message: Any, pose: Pose | None = None
+) -> Iterator[tuple[Stream, ProtobufMessage]]:
+    """What a viewer shows of a message. `t_ns` is wall time, `pose` the newest of the pose source."""
     match message:
         case VehicleState():
-            if (turns := foxglove.transforms(t_ns, message)) is not None:
+            if (turns := foxglove.transforms(t_ns, message, pose)) is not None:
                 yield TRANSFORMS, turns
         case ApertureRecord():
             yield APERTURE_PATH, foxglove.poses_in_frame(t_ns, message.positions_m())

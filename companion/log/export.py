@@ -1,4 +1,7 @@
-"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, NumPy."""
+"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, NumPy.
+
+Of a merged log each robot's streams have files of their own, with its name before theirs (`beacon_pose.tum`).
+"""
 
 from __future__ import annotations
 
@@ -9,37 +12,48 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
-from companion.log.foxglove import power_of
-from companion.log.recording import RECORDING, export_run
+from companion.log.foxglove import power_of, time_ns
+from companion.log.recording import RECORDING, export_files
 from companion.log_reader import LoggedMessage, Progress, Session
 from companion.messages import Pose, pose_of
 from companion.sar import ApertureRecord
-from companion.streams import APERTURE, CSI, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
+from companion.streams import APERTURE, CSI, POSE, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
 from csi_bridge.encoder import encode_file_record
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
-_JSON_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.encoding == "json")
+_TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, reverse=True))
+_TRAJECTORY: Final = POSE.topic + "/"
+_FILES: Final = {".dat": "dat", ".csv": "csv", ".json": "csv"}
+"""What of a recording's own files belongs to which format."""
 
 
 def export(session: Session, formats: tuple[str, ...], folder: Path, progress: Progress | None = None) -> list[Path]:
-    """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it.
+    """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it; a
+    recording gives its own files as .dat and CSV.
 
     Raises OSError, and CompanionError for an unreadable log.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
     if session.metadata.get("role") == RECORDING:
-        run, _ = export_run(session, folder)
-        return sorted(path for path in run.folder.iterdir() if path.is_file())
+        wanted = tuple(suffix for suffix, name in _FILES.items() if name in formats)
+        if wanted:
+            written = export_files(session, folder, wanted)
+        formats = tuple(name for name in formats if name not in _FILES.values())
     exporters = [_EXPORTERS[name](folder) for name in formats]
-    for message in session.messages(progress=progress):
-        for exporter in exporters:
-            exporter.take(message)
-    return [path for exporter in exporters for path in exporter.finish()]
+    if exporters:
+        for message in session.messages(progress=progress):
+            robot, topic = _of_robot(message.topic)
+            for exporter in exporters:
+                exporter.take(robot, topic, message)
+    return written + [path for exporter in exporters for path in exporter.finish()]
 
 
 class _Tum:
-    """`t x y z qx qy qz qw`, a line a pose: pose.tum of the pose source, vehicle.tum by the autopilot, truth.tum.
+    """`t x y z qx qy qz qw`, a line a pose: pose.tum of the pose source, vehicle.tum by the autopilot, truth.tum; of a
+    recording mocap.tum, t265.tum, odom.tum.
 
     Times are wall time [s]; orientations are those of the body, identity where a stream has none.
     """
@@ -48,20 +62,23 @@ class _Tum:
         self._folder = folder
         self._rows: dict[str, list[str]] = {}
 
-    def take(self, message: LoggedMessage) -> None:
-        if message.topic == POSE_IN.topic:
+    def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
+        if topic == POSE_IN.topic:
             pose: Pose = pose_of(message.data)
             w, x, y, z = pose.q_enu_from_body
-            self._add("pose", message.publish_time_ns, (*pose.p_enu_m, x, y, z, w))
-        elif message.topic == VEHICLE.topic:
+            self._add(robot + "pose", message.publish_time_ns, (*pose.p_enu_m, x, y, z, w))
+        elif topic.startswith(_TRAJECTORY):
+            kind, t_ns, values = _of_trajectory(topic, message)
+            self._add(robot + kind, t_ns, (*values[:3], *values[4:], values[3]))
+        elif topic == VEHICLE.topic:
             place = msgspec.json.decode(message.data)
             if place["p_local_enu_m"] is not None and place["yaw_enu_rad"] is not None:
                 half = place["yaw_enu_rad"] / 2
                 q = (0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
-                self._add("vehicle", message.publish_time_ns, (*place["p_local_enu_m"], *q))
-        elif message.topic == TRUTH.topic:
+                self._add(robot + "vehicle", message.publish_time_ns, (*place["p_local_enu_m"], *q))
+        elif topic == TRUTH.topic:
             antenna = msgspec.json.decode(message.data)["antenna_enu_m"]
-            self._add("truth", message.publish_time_ns, (*antenna, 0.0, 0.0, 0.0, 1.0))
+            self._add(robot + "truth", message.publish_time_ns, (*antenna, 0.0, 0.0, 0.0, 1.0))
 
     def finish(self) -> list[Path]:
         paths = [self._folder / f"{name}.tum" for name in self._rows]
@@ -82,8 +99,8 @@ class _Csv:
         self._folder = folder
         self._rows: dict[str, list[dict[str, Any]]] = {}
 
-    def take(self, message: LoggedMessage) -> None:
-        if message.topic in _JSON_TOPICS:
+    def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
+        if message.encoding == "json":
             row = {"log_time_ns": message.log_time_ns, "event": message.sequence}
             row |= dict(_flat("", msgspec.json.decode(message.data)))
             self._rows.setdefault(message.topic.strip("/").replace("/", "_"), []).append(row)
@@ -105,48 +122,56 @@ class _Dat:
     """csi.dat as the CSI tool's logger writes it."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / "csi.dat"
-        self._records: list[bytes] = []
+        self._folder = folder
+        self._records: dict[str, list[bytes]] = {}
 
-    def take(self, message: LoggedMessage) -> None:
-        if message.topic == CSI.topic:
-            self._records.append(encode_file_record(message.data[0], message.data[1:]))
+    def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
+        if topic == CSI.topic:
+            record = encode_file_record(message.data[0], message.data[1:])
+            self._records.setdefault(f"{robot}csi.dat", []).append(record)
 
     def finish(self) -> list[Path]:
-        if not self._records:
-            return []
-        self._path.write_bytes(b"".join(self._records))
-        return [self._path]
+        paths = [self._folder / name for name in self._records]
+        for path, records in zip(paths, self._records.values(), strict=True):
+            path.write_bytes(b"".join(records))
+        return paths
 
 
 class _Npz:
     """log.npz: `pose_t_ns` (N,), `pose` (N, 10: position, quaternion w x y z, velocity); for aperture i
-    `aperture_i_t_s` (M,), `aperture_i_chi_m` (M, 3), `aperture_i_channel` (M,); `profiles` (K, 180, 360)."""
+    `aperture_i_t_s` (M,), `aperture_i_chi_m` (M, 3), `aperture_i_channel` (M,); `profiles` (K, 180, 360). Of a
+    recording `mocap_t_ns` (N,), `mocap` (N, 7: position, quaternion w x y z), and so on."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "log.npz"
-        self._poses: list[Pose] = []
+        self._poses: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
         self._arrays: dict[str, Any] = {}
-        self._profiles: list[Any] = []
+        self._profiles: dict[str, list[Any]] = {}
 
-    def take(self, message: LoggedMessage) -> None:
-        if message.topic == POSE_IN.topic:
-            self._poses.append(pose_of(message.data))
-        elif message.topic == APERTURE.topic:
+    def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
+        if topic == POSE_IN.topic:
+            pose = pose_of(message.data)
+            row = (*pose.p_enu_m, *pose.q_enu_from_body, *pose.v_enu_m_s)
+            self._poses.setdefault(f"{robot}pose", []).append((pose.t_mono_ns, row))
+        elif topic.startswith(_TRAJECTORY):
+            kind, t_ns, values = _of_trajectory(topic, message)
+            self._poses.setdefault(robot + kind, []).append((t_ns, values))
+        elif topic == APERTURE.topic:
             record = msgspec.msgpack.decode(message.data, type=ApertureRecord)
-            name = f"aperture_{record.number}"
+            name = f"{robot}aperture_{record.number}"
             self._arrays[f"{name}_t_s"] = np.frombuffer(record.t_s)
             self._arrays[f"{name}_chi_m"] = np.frombuffer(record.chi_m).reshape(-1, 3)
             self._arrays[f"{name}_channel"] = np.frombuffer(record.channel, np.complex128)
-        elif message.topic == PROFILE.topic:
-            self._profiles.append(power_of(message.data))
+        elif topic == PROFILE.topic:
+            self._profiles.setdefault(f"{robot}profiles", []).append(power_of(message.data))
 
     def finish(self) -> list[Path]:
-        self._arrays["pose_t_ns"] = np.array([pose.t_mono_ns for pose in self._poses], np.int64)
-        rows = [(*pose.p_enu_m, *pose.q_enu_from_body, *pose.v_enu_m_s) for pose in self._poses]
-        self._arrays["pose"] = np.array(rows).reshape(-1, 10)
-        if self._profiles:
-            self._arrays["profiles"] = np.stack(self._profiles)
+        for name, poses in self._poses.items():
+            self._arrays[f"{name}_t_ns"] = np.array([t_ns for t_ns, _ in poses], np.int64)
+            self._arrays[name] = np.array([row for _, row in poses])
+        self._arrays |= {name: np.stack(profiles) for name, profiles in self._profiles.items()}
+        if not self._arrays:
+            return []
         np.savez_compressed(self._path, **self._arrays)
         return [self._path]
 
@@ -157,6 +182,23 @@ _EXPORTERS: Final[Mapping[str, Callable[[Path], _Tum | _Csv | _Dat | _Npz]]] = {
     "dat": _Dat,
     "npz": _Npz,
 }
+
+
+def _of_robot(topic: str) -> tuple[str, str]:
+    """What stands before the names of files ("beacon_", or nothing), and the topic as the robot itself calls it."""
+    for known in _TOPICS:
+        if topic.endswith(known):
+            robot = topic.removesuffix(known).strip("/").replace("/", "_")
+            return (f"{robot}_" if robot else ""), known
+    return "", topic
+
+
+def _of_trajectory(topic: str, message: LoggedMessage) -> tuple[str, int, tuple[float, ...]]:
+    """Kind, time and (x, y, z, quaternion w x y z) of a pose of a recording."""
+    logged = PoseInFrame.FromString(message.data)
+    p, q = logged.pose.position, logged.pose.orientation
+    turn = (q.w, q.x, q.y, q.z) if logged.pose.HasField("orientation") else (1.0, 0.0, 0.0, 0.0)
+    return topic.removeprefix(_TRAJECTORY), time_ns(logged.timestamp), (p.x, p.y, p.z, *turn)
 
 
 def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:

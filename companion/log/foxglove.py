@@ -1,7 +1,8 @@
 """Messages of the service in the schemas that Foxglove and Lichtblick show without a plug-in.
 
 Frames: `local` is the autopilot's local frame turned to ENU, `body` the vehicle in it, `tracker` the pose source's
-frame with ENU axes, `aoa_profile` a plane on which one degree is one centimetre.
+frame with ENU axes, `aoa_profile` a plane beside the start on which one degree is one centimetre. A viewer draws
+nothing of a frame it cannot relate to the one it shows, so `/tf` relates them all.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ BODY: Final = "body"
 TRACKER: Final = "tracker"
 PROFILE_FRAME: Final = "aoa_profile"
 _CELL_M: Final = 0.01
+_PROFILE_AT_M: Final = (0.0, -3.0, 0.0)  # in the local frame: beside the start, out of the way
 _ARROW_M: Final = 1.6
 _STEPS: Final = 255
 _IDENTITY: Final = (1.0, 0.0, 0.0, 0.0)
@@ -96,8 +98,9 @@ def power_of(data: bytes) -> npt.NDArray[np.float32]:
     return np.asarray(cells.astype(np.float32) / np.float32(_STEPS))
 
 
-def transforms(t_ns: int, vehicle: VehicleState) -> FrameTransforms | None:
-    """Where the autopilot says the vehicle is; None while it does not."""
+def transforms(t_ns: int, vehicle: VehicleState, pose: Pose | None = None) -> FrameTransforms | None:
+    """Where the autopilot says the vehicle is; None while it does not. The tracker's frame is put where the newest
+    `pose` of its source and the autopilot agree, to within the centimetres that the vehicle moves between the two."""
     if vehicle.p_local_enu_m is None or vehicle.yaw_enu_rad is None:
         return None
     half = vehicle.yaw_enu_rad / 2
@@ -108,7 +111,26 @@ def transforms(t_ns: int, vehicle: VehicleState) -> FrameTransforms | None:
         translation=_vector(vehicle.p_local_enu_m),
         rotation=_quaternion((math.cos(half), 0.0, 0.0, math.sin(half))),
     )
-    return FrameTransforms(transforms=[turn])
+    plane = FrameTransform(
+        timestamp=stamp(t_ns),
+        parent_frame_id=LOCAL,
+        child_frame_id=PROFILE_FRAME,
+        translation=_vector(_PROFILE_AT_M),
+        rotation=_quaternion(_IDENTITY),
+    )
+    turns = [turn, plane]
+    if pose is not None and all(map(math.isfinite, pose.p_enu_m)):
+        (x, y, z), (a, b, c) = vehicle.p_local_enu_m, pose.p_enu_m
+        turns.append(
+            FrameTransform(
+                timestamp=stamp(t_ns),
+                parent_frame_id=LOCAL,
+                child_frame_id=TRACKER,
+                translation=_vector((x - a, y - b, z - c)),
+                rotation=_quaternion(_IDENTITY),
+            )
+        )
+    return FrameTransforms(transforms=turns)
 
 
 def bearing_arrow(t_ns: int, name: str, p_local_enu_m: Vector3, estimate: AoaEstimate) -> SceneUpdate:

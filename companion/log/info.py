@@ -38,6 +38,8 @@ class LogInfo:
     path: Path
     size_bytes: int
     is_whole: bool
+    damaged: int
+    """Places that could not be read, though the file goes on behind them."""
     metadata: Mapping[str, str]
     topics: tuple[TopicInfo, ...]
     start_ns: int
@@ -69,6 +71,7 @@ def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
         path,
         scan.size_bytes,
         scan.is_whole,
+        scan.damaged,
         scan.metadata.get(METADATA, {}),
         tuple(topics[topic] for topic in sorted(topics)),
         min((info.first_ns for info in topics.values()), default=0),

@@ -58,13 +58,15 @@ class Scene:
 
 def import_run(run: Run, target: Path, options: Options) -> Scene:
     """Writes one run as a log. Problems of single files are in the result. Raises CompanionError when there is no CSI
-    of the receiving robot, or `target` cannot be written."""
+    of the receiving robot, a file that was given by name cannot be read, or `target` cannot be written."""
     if run.rx is None:
         raise RecordingError(f"{run.folder}: csi_rx_{run.stamp}.dat is missing")
     problems: list[str] = []
     sources = [_csi_messages(run.rx, CSI, problems)]
     sources += [_csi_messages(path, _peer_stream(name), problems) for name, path in run.tx.items()]
     sources += [_pose_messages(path, kind, problems) for kind, path in run.trajectories.items()]
+    if run.loose and not all(sources):
+        raise RecordingError("; ".join(problems))
     scene = _scene(run, options, problems)
     values = {"scene": msgspec.json.encode(scene).decode()}
     try:
@@ -90,10 +92,11 @@ def scene_of(session: Session) -> Scene:
         raise CompanionError(f"{session.paths[0]}: no imported recording (metadata {RECORDING!r} is missing)") from None
 
 
-def export_run(session: Session, folder: Path) -> tuple[Run, Scene]:
-    """The files of a recording below `folder` again: .dat of both ends, trajectories, truth. Raises OSError."""
+def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> list[Path]:
+    """The files of a recording again, those of the suffixes `wanted`: .dat of both ends, trajectories (.csv), truth
+    (.json), below `folder` as their data set has them. Raises OSError."""
     scene = scene_of(session)
-    place = folder / (scene.set_name or "set") / (scene.folder or "run")
+    place = _place(folder, scene)
     place.mkdir(parents=True, exist_ok=True)
     csi: dict[str, list[tuple[int, bytes]]] = {}
     poses: dict[str, list[str]] = {}
@@ -103,15 +106,27 @@ def export_run(session: Session, folder: Path) -> tuple[Run, Scene]:
             csi.setdefault(_name_of(message.topic), []).append((message.sequence, record))
         elif message.topic.startswith(POSE.topic + "/"):
             poses.setdefault(message.topic.rpartition("/")[2], []).append(_csv_row(message.data))
+    files: dict[Path, bytes] = {}
     for name, records in csi.items():
-        content = b"".join(record for _, record in sorted(records, key=lambda numbered: numbered[0]))
-        (place / f"csi_{name}_{scene.stamp}.dat").write_bytes(content)
+        in_order = sorted(records, key=lambda numbered: numbered[0])
+        files[place / f"csi_{name}_{scene.stamp}.dat"] = b"".join(record for _, record in in_order)
     for kind, rows in poses.items():
         prefix = "" if kind == PoseKind.MOCAP else f"{kind}_"
-        (place / f"{prefix}rx_trajectory_{scene.stamp}_.csv").write_text("".join(rows))
+        files[place / f"{prefix}rx_trajectory_{scene.stamp}_.csv"] = "".join(rows).encode()
     if scene.truth_channel is not None:
-        _write_truth(place / TRUTH_NAME, scene)
-    return _run_at(place, scene), scene
+        files[place / TRUTH_NAME] = _truth_text(scene).encode()
+    chosen = {path: content for path, content in files.items() if path.suffix in wanted}
+    for path, content in chosen.items():
+        path.write_bytes(content)
+    return sorted(chosen)
+
+
+def export_run(session: Session, folder: Path) -> tuple[Run, Scene]:
+    """All files of a recording below `folder`, as the run they are. Raises OSError, and CompanionError for a log
+    without a run."""
+    scene = scene_of(session)
+    export_files(session, folder, (".dat", ".csv", ".json"))
+    return _run_at(_place(folder, scene), scene), scene
 
 
 def analyze_session(session: Session, kind: PoseKind | None = None, estimator: str = "robust") -> RunResult:
@@ -147,6 +162,10 @@ def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
     )
 
 
+def _place(folder: Path, scene: Scene) -> Path:
+    return folder / (scene.set_name or "set") / (scene.folder or "run")
+
+
 def _run_at(place: Path, scene: Scene) -> Run:
     rx = place / f"csi_rx_{scene.stamp}.dat"
     if not scene.loose:
@@ -158,7 +177,11 @@ def _run_at(place: Path, scene: Scene) -> Run:
     names = {
         path.name.removeprefix("csi_").removesuffix(f"_{scene.stamp}.dat"): path for path in place.glob("csi_*.dat")
     }
-    (trajectory,) = place.glob("*rx_trajectory*.csv")
+    trajectory = next(place.glob("*rx_trajectory*.csv"), None)
+    if trajectory is None or not rx.is_file():
+        raise RecordingError(
+            f"run {scene.stamp}: its log holds no {'CSI of the receiving robot' if trajectory else 'trajectory'}"
+        )
     run = loose_run(rx, (), trajectory)
     return replace(run, tx={name: path for name, path in names.items() if name != "rx"}, stamp=scene.stamp)
 
@@ -207,10 +230,10 @@ def _csv_row(data: bytes) -> str:
     return f"{logged.timestamp.seconds},{logged.timestamp.nanos}," + ",".join(map(repr, values)) + "\n"
 
 
-def _write_truth(path: Path, scene: Scene) -> None:
+def _truth_text(scene: Scene) -> str:
     positions = {name: {"position": dict(zip("xyz", place, strict=True))} for name, place in scene.transmitters.items()}
     content = {"channel": {"value": scene.truth_channel}, "true_tx_positions": {"value": positions}}
-    path.write_text(json.dumps(content, indent=1))
+    return json.dumps(content, indent=1)
 
 
 def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:

@@ -12,10 +12,11 @@ from companion.log_reader import LoggedMessage, LogScan, Progress, metadata_of
 
 @dataclass(frozen=True, slots=True)
 class Repair:
-    """What was saved. `was_whole` when there was nothing to repair."""
+    """What was saved. `was_whole` when there was nothing to repair; `damaged` places could not be read."""
 
     messages: int
     was_whole: bool
+    damaged: int
 
 
 def repair(source: Path, target: Path, progress: Progress | None = None) -> Repair:
@@ -40,7 +41,7 @@ def repair(source: Path, target: Path, progress: Progress | None = None) -> Repa
     except CompanionError:
         target.unlink()
         raise
-    return Repair(count, scan.is_whole)
+    return Repair(count, scan.is_whole, scan.damaged)
 
 
 def copy(writer: LogWriter, message: LoggedMessage, prefix: str = "", offset_ns: int = 0) -> None:

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO, Final, Literal
 from mcap.writer import CompressionType, Writer
 
 from companion.log.encoding import encoded, schema_of, views
+from companion.messages import Pose
 from companion.streams import Stream
 
 Compression = Literal["zstd", "lz4", "none"]
@@ -35,13 +36,16 @@ class LogWriter:
         self._writer.start(profile="", library=LIBRARY)
         self._writer.add_metadata(METADATA, dict(metadata))
         self._channels: dict[tuple[str, str], int] = {}
+        self._pose: Pose | None = None
 
     def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, sequence: int, message: Any) -> None:
         """One message with the views drawn from it. Times are wall times; `sequence` is the number of its event."""
         data, source = encoded(stream, publish_time_ns, message)
         channel = self._channel(stream.topic, stream.encoding, source)
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
-        for view, drawn in views(stream, publish_time_ns, message):
+        if isinstance(message, Pose):
+            self._pose = message
+        for view, drawn in views(stream, publish_time_ns, message, self._pose):
             self.write(view, log_time_ns, publish_time_ns, sequence, drawn)
 
     def copy(

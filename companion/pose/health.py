@@ -17,6 +17,11 @@ from companion.messages import Pose
 
 _KEPT: Final = 256
 _RATE_WINDOW_NS: Final = NS_PER_S
+_AHEAD_NS: Final = NS_PER_S // 20
+"""How far a pose may be ahead of us: one of a later time would look fresh until then, and all after it too old."""
+_REASONS: Final = (
+    "not finite", "failed", "future", "jump", "low confidence", "low rate", "gap", "stall", "disorder",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +61,10 @@ class PoseHealth:
         self._moved_ns = 0
         self._failing_ns: int | None = None
         self._arrivals: deque[int] = deque(maxlen=1000)
+        self._whole_ns = 0
+        """Since when the poses have come without a gap."""
         self._spoiled: deque[tuple[int, int, str]] = deque(maxlen=_KEPT)
-        self.counts = dict.fromkeys(("not finite", "failed", "jump", "low confidence", "gap", "stall", "disorder"), 0)
+        self.counts = dict.fromkeys(_REASONS, 0)
 
     @property
     def newest(self) -> Pose | None:
@@ -70,13 +77,15 @@ class PoseHealth:
             return self._refuse("not finite", now_ns)
         if pose.confidence < 1:
             return self._refuse("failed", now_ns)
+        if pose.t_mono_ns - now_ns > _AHEAD_NS:
+            return self._refuse("future", now_ns)
         if self._newest is not None and pose.t_mono_ns <= self._newest.t_mono_ns:
             self.counts["disorder"] += 1
             return False
         self._failing_ns = None
+        self._arrivals.append(pose.t_mono_ns)
         self._judge(pose)
         self._newest = pose
-        self._arrivals.append(pose.t_mono_ns)
         return True
 
     def note_reset(self, t_ns: int) -> None:
@@ -119,12 +128,14 @@ class PoseHealth:
         if pose.confidence < limits.min_confidence:
             self._note(pose.t_mono_ns, pose.t_mono_ns, "low confidence")
         if before is None:
-            self._moved_ns = pose.t_mono_ns
+            self._moved_ns = self._whole_ns = pose.t_mono_ns
             return
         span_ns = pose.t_mono_ns - before.t_mono_ns
         step_m = math.dist(pose.p_enu_m, before.p_enu_m)
         if span_ns > limits.stale_s * NS_PER_S:
             self._note(before.t_mono_ns, pose.t_mono_ns, "gap")
+            self._whole_ns = pose.t_mono_ns
+        self._judge_rate(pose.t_mono_ns)
         # Over a gap the vehicle may have moved on: only its speed can tell a jump then.
         if step_m > limits.max_speed_m_s * span_ns / NS_PER_S or (
             step_m > limits.max_step_m and span_ns <= limits.stale_s * NS_PER_S
@@ -134,6 +145,14 @@ class PoseHealth:
             self._moved_ns = pose.t_mono_ns
         elif pose.t_mono_ns - self._moved_ns > limits.stall_s * NS_PER_S:
             self._note(self._moved_ns, pose.t_mono_ns, "stall")
+
+    def _judge_rate(self, t_ns: int) -> None:
+        """A tracker that has come without a gap for long enough to tell, and too seldom."""
+        while t_ns - self._arrivals[0] >= _RATE_WINDOW_NS:
+            self._arrivals.popleft()
+        is_low = len(self._arrivals) < self._limits.min_rate_hz * _RATE_WINDOW_NS / NS_PER_S
+        if is_low and t_ns - self._whole_ns >= _RATE_WINDOW_NS:
+            self._note(t_ns - _RATE_WINDOW_NS, t_ns, "low rate")
 
     def _refuse(self, reason: str, now_ns: int) -> bool:
         self._failing_ns = now_ns if self._failing_ns is None else self._failing_ns

@@ -6,6 +6,7 @@ import math
 
 from companion.clock import Clock
 from companion.config import Config
+from companion.errors import CompanionError
 from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink
 from companion.pose.source import PoseSource
@@ -31,7 +32,13 @@ def _source(config: Config, clock: Clock, sink: PoseSink) -> Poses:
     if pose.source == "recording":
         from companion.pose.recording import RecordedPoses
 
-        return RecordedPoses(config.path(pose.recording), clock, sink)
+        recording = RecordedPoses(config.path(pose.recording), clock, sink)
+        if not recording.has_attitudes and any(pose.antenna_m):
+            raise CompanionError(
+                f"pose.recording {pose.recording}: has no attitudes, so the antenna cannot be placed by pose.antenna_m "
+                f"{list(pose.antenna_m)}; expected [0, 0, 0]"
+            )
+        return recording
     if pose.source == "px4":
         from companion.pose.autopilot import AutopilotPoses
 

@@ -34,9 +34,13 @@ class Difference:
 
     index: int
     """Of the message in its stream."""
-    t_s: float
-    """Since the first event."""
+    t_s: float | None
+    """Since the first event; None where nothing was recorded."""
     what: str
+
+    def __str__(self) -> str:
+        at = "" if self.t_s is None else f" at {self.t_s:.2f} s"
+        return f"message {self.index}{at}: {self.what}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,10 @@ def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
         for key in sorted(ours.keys() | theirs.keys()):
             if key not in COMPUTED:
                 yield from differences(f"{path}.{key}" if path else key, ours.get(key), theirs.get(key))
-    elif isinstance(ours, list) and isinstance(theirs, list) and len(ours) == len(theirs):
+    elif isinstance(ours, list) and isinstance(theirs, list):
+        if len(ours) != len(theirs):
+            yield f"{path} had {len(ours)} entries, has {len(theirs)}"
+            return
         for index, (a, b) in enumerate(zip(ours, theirs, strict=True)):
             yield from differences(f"{path}[{index}]", a, b)
     elif not _same(path, ours, theirs):
@@ -83,7 +90,7 @@ def _check_stream(
                 difference = Difference(index, _since(message, start_ns), "; ".join(found[:4]))
     if difference is None and len(old) != len(new):
         longer = "recorded" if len(old) > len(new) else "replayed"
-        t_s = _since(old[len(new)], start_ns) if len(old) > len(new) else math.nan
+        t_s = _since(old[len(new)], start_ns) if len(old) > len(new) else None
         difference = Difference(min(len(old), len(new)), t_s, f"only {longer} from here on")
     return StreamCheck(stream.topic, len(old), len(new), identical, difference)
 

@@ -31,6 +31,9 @@ class BearingRow:
     recorded_error_deg: float | None
     """Azimuth against the truth, where there is one."""
     replayed_error_deg: float | None
+    recorded_refusal: str
+    """Why there is no bearing; empty where there is one, or no such iteration."""
+    replayed_refusal: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,8 @@ def _row(
         b.reliability if b else None,
         _error_deg(old, truth),
         _error_deg(new, truth),
+        old.refusal if old else "",
+        new.refusal if new else "",
     )
 
 

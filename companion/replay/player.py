@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import msgspec
 
-from companion import wire
 from companion.aoa_wire import AoaResult
 from companion.app import Uav
 from companion.autopilot.port import Autopilot
@@ -52,6 +51,7 @@ from companion.streams import (
     Stream,
 )
 from companion.surroundings import Surroundings
+from companion.wire_log import resigned
 
 INPUT_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.INPUT)
 DECISION_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.DECISION)
@@ -221,7 +221,7 @@ class Player:
             self._inputs.poses.resets = int.from_bytes(data[-4:], "little")
             uav.node.take_pose(pose_of(data))
         elif topic == NEIGHBOUR.topic:
-            uav.node.take_datagram(wire.resigned(data, REPLAY_KEY))
+            uav.node.take_datagram(resigned(data, REPLAY_KEY))
         elif topic == TICK.topic:
             uav.flight.tick(msgspec.json.decode(data, type=Tick).t_mono_ns)
         elif topic == SECOND.topic:

@@ -15,8 +15,7 @@ from typing import Final
 import msgspec
 
 from companion.aoa_process import ONE_THREAD
-from companion.aoa_wire import LENGTH, AoaResult, frame, request_of
-from companion.aoa_worker import READY_ID
+from companion.aoa_wire import LENGTH, READY_ID, AoaResult, frame, request_of
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.boots import Book, Reached
 from companion.child import tied

@@ -35,6 +35,8 @@ class ReplayResult:
     flight_s: float
     unexpected: int
     dropped_while_recording: int
+    is_cut: bool
+    """Whether the log ended before its time: cut off, or damaged from there on."""
 
     def as_json(self) -> dict[str, Any]:
         """The same for each replay of one log."""
@@ -47,6 +49,7 @@ class ReplayResult:
             "flight_s": self.flight_s,
             "unexpected": self.unexpected,
             "dropped_while_recording": self.dropped_while_recording,
+            "is_cut": self.is_cut,
             "messages": dict(sorted(counts.items())),
             "sha256": digest.hexdigest(),
         }
@@ -89,11 +92,13 @@ class Replay:
             (self._end_ns - self._start_ns) / NS_PER_S,
             player.unexpected,
             self._dropped,
+            self._is_cut,
         )
 
     def _messages(self) -> Iterator[LoggedMessage]:
         topics = INPUT_TOPICS | DECISION_TOPICS | {HEALTH.topic}
-        for message in self._session.messages(topics, self._progress, self._note_cut):
+        # Behind a damaged place inputs are missing, and all that follows from them would differ.
+        for message in self._session.messages(topics, self._progress, self._note_cut, past_damage=False):
             self._last = message.sequence
             if message.topic in DECISION_TOPICS:
                 self._recorded.append(message)

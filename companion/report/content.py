@@ -12,6 +12,7 @@ import numpy.typing as npt
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from companion.config import Config
+from companion.flight_log import SERVICE_ENDS
 from companion.log.foxglove import power_of
 from companion.log.records import LoggedIteration, TruthTrack
 from companion.log_reader import LoggedMessage, Progress, Session
@@ -80,8 +81,8 @@ class FlightContent:
         return self.truth.bearing(iteration.reference_ns, self.peer_name(iteration.peer))
 
     def rate(self, topic: str) -> tuple[Floats, Floats]:
-        """Whole seconds and messages in each."""
-        edges = np.arange(0.0, max(1.0, np.ceil(self.duration_s)) + 1)
+        """Seconds since the start and messages a second in each; what is left at the end is no whole second."""
+        edges = np.arange(0.0, max(1.0, np.floor(self.duration_s)) + 1)
         counts, _ = np.histogram(self.arrivals_s.get(topic, []), edges)
         return edges[:-1], counts.astype(float)
 
@@ -132,8 +133,10 @@ def _events(content: FlightContent, t_s: float, message: LoggedMessage) -> Itera
         return
     values = msgspec.json.decode(message.data)
     if message.topic == MISSION.topic:
-        content.states.append((t_s, values["next_state"]))
-        yield EventLine(t_s, "mission", f"{values['state']} -> {values['next_state']} on {values['event']}")
+        if values["reason"] != SERVICE_ENDS:
+            content.states.append((t_s, values["next_state"]))
+        why = "" if values["reason"] in ("", values["event"]) else f" ({values['reason']})"
+        yield EventLine(t_s, "mission", f"{values['state']} -> {values['next_state']} on {values['event']}{why}")
     elif message.topic == GATE.topic:
         yield EventLine(
             t_s, "gate", "refuses: " + "; ".join(values["reasons"]) if values["reasons"] else "passes again"

@@ -67,13 +67,11 @@ def profiles(
         if polar is None:
             axes.axvline(math.degrees(azimuth), color="black", linestyle="--", linewidth=0.8)
         else:
-            axes.plot(
-                math.degrees(azimuth), math.degrees(polar), "wo", markersize=9, markeredgecolor="k", fillstyle="none"
-            )
-            axes.plot(math.degrees(azimuth), math.degrees(polar), "ko", markersize=11, fillstyle="none")
+            # A ring around the peak, wide enough to see the peak and the truth in it.
+            axes.plot(math.degrees(azimuth), math.degrees(polar), "ko", markersize=15, fillstyle="none")
         if truth is not None:
-            axes.plot(*map(math.degrees, truth), "wx", markersize=9, markeredgewidth=3)
-            axes.plot(*map(math.degrees, truth), "kx", markersize=8, markeredgewidth=1.3)
+            axes.plot(*map(math.degrees, truth), "wx", markersize=6, markeredgewidth=2.5)
+            axes.plot(*map(math.degrees, truth), "kx", markersize=6, markeredgewidth=1.0)
         axes.set_title(title, fontsize=8)
         axes.set(xticks=(-180, -90, 0, 90, 180), yticks=(0, 90, 180))
         axes.tick_params(labelsize=6)

@@ -4,9 +4,9 @@ Like PX4's onboard link it sends to the companion's listening port and takes wha
 the true state to the world simulator, with `--control` it takes orders from a test, one text datagram each, and
 answers with a `Px4Report`:
 
-    report | pilot MODE | mute nothing/heartbeats/everything | offboard accept/refuse/silent
-    battery FRACTION | parameter NAME VALUE | rc MICROSECONDS... | estimator healthy/unhealthy | say TEXT | reboot
-    forget gaps
+    report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
+    battery FRACTION | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS... | estimator healthy/unhealthy
+    say TEXT | reboot | forget gaps
 """
 
 from __future__ import annotations
@@ -88,6 +88,9 @@ class Px4:
             onboard_statuses=link.onboard_statuses,
             vision=link.visions,
             vision_age_s=link.vision_age_s,
+            vision_p_enu_m=None if link.vision is None else (link.vision.y, link.vision.x, -link.vision.z),
+            vision_reset_counter=None if link.vision is None else link.vision.reset_counter,
+            received=dict(link.received),
             parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
             error=error,
@@ -107,6 +110,8 @@ class Px4:
                 pass
             case ["pilot", mode]:
                 self.commander.pilot_mode(Mode[mode.upper()])
+            case ["sticks", east, north, up]:
+                self.commander.sticks((float(east), float(north), float(up)))
             case ["mute", "nothing" | "heartbeats" | "everything" as what]:
                 self.link.mute = what
             case ["offboard", "accept" | "refuse" | "silent" as reply]:
@@ -116,6 +121,8 @@ class Px4:
                 self.link.battery_remaining = float(fraction)
             case ["parameter", name, value]:
                 self.commander.parameters[name] = parameter_value(name, value)
+            case ["parameters", "heard" | "silent" as reply]:
+                self.link.ignore_parameter_requests = reply == "silent"
             case ["rc", *channels]:
                 self.link.rc_us = [int(channel) for channel in channels]
             case ["estimator", "healthy" | "unhealthy" as health]:

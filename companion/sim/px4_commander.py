@@ -153,6 +153,14 @@ class Commander:
         """A person moves the mode switch (or the sticks, with COM_RC_OVERRIDE)."""
         self._intend(mode)
 
+    def sticks(self, v_enu_m_s: Vector3) -> None:
+        """A person flies: arms where that is needed, and in position mode moves the vehicle with this velocity."""
+        self.arm(self._now_ns)
+        self._intend(Mode.POSCTL)
+        if v_enu_m_s[2] > 0:
+            self.landed, self._contact_ns = False, self._now_ns
+        self._target = Demand((None, None, None), v_enu_m_s)
+
     def _intend(self, mode: Mode) -> None:
         self.intention = mode
         if mode not in _TRANSIENT:

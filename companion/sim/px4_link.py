@@ -52,7 +52,7 @@ _CAPABILITIES = (
 class Px4Link:
     """Speaks as system 1, component 1 (the autopilot) to one companion.
 
-    `mute` and `ignore_mode_commands` are faults to inject.
+    `mute`, `ignore_mode_commands` and `ignore_parameter_requests` are faults to inject.
     """
 
     def __init__(self, commander: Commander, now_ns: int) -> None:
@@ -60,6 +60,9 @@ class Px4Link:
         self.battery_remaining = 0.95
         self.mute: Mute = "nothing"
         self.ignore_mode_commands = False
+        self.ignore_parameter_requests = False
+        self.received: dict[str, int] = {}
+        """How much came of each message, and of each command under its number."""
         self.peer_heartbeats = 0
         self.timesync_answers = 0
         self._clock_offset_ns: int | None = None
@@ -91,6 +94,7 @@ class Px4Link:
         parser = mavlink.MAVLink(None)  # a datagram holds whole frames: what is left of one belongs to no other
         parser.robust_parsing = True
         for message in parser.parse_buffer(datagram) or ():
+            self._count(message)
             handler = getattr(self, f"_on_{message.get_type().lower()}", None)
             if handler is not None:
                 handler(message)
@@ -118,6 +122,11 @@ class Px4Link:
     def reboot(self) -> None:
         """Forget what was asked for, as a restarted autopilot does."""
         self._period_ns = {name: round(NS_PER_S / rate) for name, rate in _RATES_HZ.items()}
+
+    def _count(self, message: Any) -> None:
+        name = message.get_type()
+        name += f" {message.command}" if name.startswith("COMMAND_") else ""
+        self.received[name] = self.received.get(name, 0) + 1
 
     def _speaks(self, name: str) -> bool:
         if name == "RC_CHANNELS":
@@ -236,7 +245,7 @@ class Px4Link:
         name = message.param_id if message.param_index < 0 else None
         if name is None and message.param_index < len(names):
             name = names[message.param_index]
-        if name in self.commander.parameters:
+        if name in self.commander.parameters and not self.ignore_parameter_requests:
             self._send_parameter(name)
 
     def _on_param_set(self, message: Any) -> None:

@@ -37,6 +37,10 @@ class Px4Report:
     """ODOMETRY messages taken."""
     vision_age_s: float | None = None
     """Of the newest one when it arrived, by the clock with which the companion answers TIMESYNC."""
+    vision_p_enu_m: Vector3 | None = None
+    vision_reset_counter: int | None = None
+    received: dict[str, int] = field(default_factory=dict)
+    """How much came of each message, and of each command under its number, as in "COMMAND_LONG 511"."""
     parameters: dict[str, float] = field(default_factory=dict)
     error: str | None = None
     """Why the order was not understood; None when it was."""

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from numpy.random import SeedSequence
 
 from companion.errors import ConfigError
-from companion.study.trials import TrialError, batches, run_batch
+from companion.study.trials import RunnerError, TrialError, batches, run_batch
 
 S = TypeVar("S")
 R = TypeVar("R")
@@ -27,7 +27,7 @@ _LOCAL = "local:"
 class DaskRunner:
     """A client of the scheduler at `address` ("tcp://HOST:PORT" or "local:N"). A context manager.
 
-    Raises ConfigError when the extra is missing or the address is no address, TrialError when nobody answers there.
+    Raises ConfigError when the extra is missing or the address is no address, RunnerError when nobody answers there.
     """
 
     def __init__(self, address: str) -> None:
@@ -43,7 +43,7 @@ class DaskRunner:
             self._client: Any = self._closing.enter_context(distributed.Client(target, timeout=_CONNECT_S))
         except OSError as error:
             self._closing.close()
-            raise TrialError(f"--cluster {address}: no Dask scheduler answers: {error}") from None
+            raise RunnerError(f"--cluster {address}: no Dask scheduler answers: {error}") from None
         except ValueError as error:
             self._closing.close()
             expected = "expected tcp://HOST:PORT of a Dask scheduler, or local:N"
@@ -51,7 +51,7 @@ class DaskRunner:
         self._workers = len(self._client.scheduler_info(n_workers=-1)["workers"])
         if not self._workers:
             self._closing.close()
-            raise TrialError(f"--cluster {address}: the scheduler has no workers")
+            raise RunnerError(f"--cluster {address}: the scheduler has no workers")
 
     def __enter__(self) -> DaskRunner:
         return self
@@ -85,7 +85,7 @@ class DaskRunner:
         except distributed.KilledWorker as error:
             raise TrialError(f"workers died again and again over the same trials: {error}") from None
         except (OSError, distributed.CancelledError) as error:
-            raise TrialError(f"the scheduler at {self._address} is gone: {error}") from None
+            raise RunnerError(f"the scheduler at {self._address} is gone: {error}") from None
         finally:
             self._client.cancel(list(futures))
         return [row for first in sorted(rows) for row in rows[first]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,11 +66,14 @@ def draw(path: Path, study: Study[Any, Any], outcome: Outcome) -> None:
     figure.savefig(path, dpi=120)
 
 
-def write_page(path: Path, outcomes: Sequence[Outcome], pictures: dict[str, Path]) -> None:
-    """One file that needs no other: pictures are inside."""
+def write_page(
+    path: Path, outcomes: Sequence[Outcome], pictures: Mapping[str, Path], missing: Mapping[str, str]
+) -> None:
+    """One file that needs no other: pictures are inside. `missing`: studies without a result, and why."""
     parts = ["<!doctype html><html lang='en'><meta charset='utf-8'><title>Studies</title>", f"<style>{_STYLE}</style>"]
     parts.append("<h1>Studies: ours beside the paper's</h1><ul>")
     parts += [f"<li><a href='#{o.study}'>{html.escape(o.study)}: {html.escape(o.title)}</a></li>" for o in outcomes]
+    parts += [f"<li>{html.escape(name)} {html.escape(why)}</li>" for name, why in missing.items()]
     parts.append("</ul>")
     for outcome in outcomes:
         parts += _section(outcome, pictures.get(outcome.study))

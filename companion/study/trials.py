@@ -24,7 +24,11 @@ _BATCHES_A_WORKER = 12
 
 
 class TrialError(CompanionError):
-    """A trial, or what runs the trials, failed; the message says which and why."""
+    """A trial, or the process it ran in, failed; the message says which and why."""
+
+
+class RunnerError(CompanionError):
+    """What runs trials is not there, or no longer: no other study can be run either."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +42,7 @@ class Batch(Generic[S]):
 
 class Runner(Protocol):
     """Carries out trials. `run` returns their rows in the order of the specifications, and calls `on_done` with the
-    number of trials each time some have ended. Raises TrialError."""
+    number of trials each time some have ended. Raises TrialError and RunnerError."""
 
     @property
     def name(self) -> str: ...

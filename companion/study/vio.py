@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
+from scipy.stats import spearmanr
 
 from companion.analysis import LinkResult, Options, analyze_run
 from companion.errors import CompanionError
@@ -38,6 +39,8 @@ _MAX_GAP_S = 0.25
 _STEP_S = 0.02
 _CLEAR_OF_START_M = 0.1
 """Nearer to the start the direction of the displacement is noise."""
+_FEW = 5
+"""Links, up to which a rank correlation says nothing."""
 _PAPER = {
     "ate": 0.2,
     "length": 2.8,
@@ -134,6 +137,18 @@ def _errors(rows: Sequence[VioRow], estimator: str, kind: str, polar: bool = Fal
     return [value for value in values if value is not None]
 
 
+def _against_ate(rows: Sequence[VioRow], estimator: str) -> list[tuple[float, float]]:
+    """(ATE [m], |azimuth error| [deg]) of each link with T265 poses that has both."""
+    return [
+        (row.drift.ate_m, link.azimuth_deg)
+        for row in rows
+        for link in row.links
+        if row.drift is not None
+        and link.azimuth_deg is not None
+        and (link.estimator, link.poses) == (estimator, str(PoseKind.T265))
+    ]
+
+
 def _summarise(rows: Sequence[VioRow]) -> Summary:
     drifts = [row.drift for row in rows if row.drift is not None]
     findings = []
@@ -165,8 +180,12 @@ def _summarise(rows: Sequence[VioRow]) -> Summary:
             if polar:
                 quantity = f"{head}: median |theta error| of {len(polar)} links"
                 findings.append(Finding(quantity, float(np.median(polar)), paper.get("theta"), "deg"))
+        errors_m = _against_ate(rows, estimator)
+        if len(errors_m) > _FEW:
+            rank = float(spearmanr(*np.array(errors_m).T).statistic)
+            findings.append(Finding(f"{estimator}, t265: rank correlation of ATE and |phi error|", rank, "linear"))
     problems = [row.problem for row in rows if row.problem]
-    return Summary(findings, [*_NOTES, *problems])
+    return Summary(findings, [*_NOTES, *problems] if findings else problems)
 
 
 _NOTES = (
@@ -180,20 +199,21 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _draw(rows: Sequence[VioRow], figure: Figure) -> None:
-    first, second, third = figure.subplots(1, 3)
+    first, drift, second, third = figure.subplots(1, 4)
     drifts = [row.drift for row in rows if row.drift is not None]
     first.hist([100 * d.ate_m for d in drifts], bins=20, color="0.5")
     first.set(xlabel="ATE of the T265 [cm]", ylabel="runs")
+    draw_cdf(
+        drift,
+        {"azimuth": [d.azimuth_deg for d in drifts], "polar angle": [d.polar_deg for d in drifts]},
+        "mean angular drift [deg]",
+        None,
+    )
     groups = {f"{e}, {k}": _errors(rows, e, str(k)) for e in _ESTIMATORS for k in _KINDS}
     draw_cdf(second, groups, "|azimuth error| [deg]", (0, 60))
     for marker, estimator in zip(MARKERS, _ESTIMATORS, strict=False):
-        pairs = [
-            (100 * row.drift.ate_m, link.azimuth_deg)
-            for row in rows
-            for link in row.links
-            if row.drift is not None and (link.estimator, link.poses) == (estimator, str(PoseKind.T265))
-        ]
-        third.plot([a for a, _ in pairs], [e for _, e in pairs], marker, fillstyle="none", label=estimator)
+        pairs = _against_ate(rows, estimator)
+        third.plot([100 * a for a, _ in pairs], [e for _, e in pairs], marker, fillstyle="none", label=estimator)
     third.set(xlabel="ATE of the T265 [cm]", ylabel="|azimuth error| with it [deg]", ylim=(0, 60))
     third.grid(color="0.92")
     third.legend(fontsize=7)
@@ -208,5 +228,5 @@ STUDY = Study(
     trial=_trial,
     summarise=_summarise,
     draw=_draw,
-    size_in=(14.0, 4.4),
+    size_in=(18.0, 4.4),
 )

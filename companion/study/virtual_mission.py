@@ -70,8 +70,11 @@ class MissionResult:
     time_s: float
     """From engaging to that, or to the end."""
     closest_m: float
+    """Until then."""
     end: str
     points: list[MissionPoint]
+    arrived_m: float | None
+    """Of a mission that is flown on: how far apart they were when the vehicle called itself arrived; None if never."""
 
 
 def config() -> Config:
@@ -98,14 +101,15 @@ def with_levers(scenario: Scenario) -> Scenario:
     return replace(scenario, uav=uav, beacon=beacon)
 
 
-def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
-    """The same arguments give the same mission."""
-    return asyncio.run(_fly(scenario, seed, max_time_s))
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, flies_on: bool = False) -> MissionResult:
+    """The same arguments give the same mission. It ends within 2 m, or, if it `flies_on`, when the vehicle ends it; all
+    but `arrived_m` is the same with both."""
+    return asyncio.run(_fly(scenario, seed, max_time_s, flies_on))
 
 
-async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, flies_on: bool) -> MissionResult:
     clock = VirtualClock()
-    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s)
+    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s, flies_on)
     flying = asyncio.create_task(world.flight.run())
     await clock.run(world.live)
     ended_in = world.flight.state  # a flight that is cancelled leaves its state
@@ -116,12 +120,25 @@ async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> Mis
     return world.result(ended_in)
 
 
+@dataclass(frozen=True, slots=True)
+class _Reached:
+    """When the robots were first within 2 m, and how much had been seen by then."""
+
+    now_ns: int
+    truths: int
+    iterations: int
+
+
 class _World:
     """Everything around the flight. Physics goes on in small steps, radio and cameras in batches."""
 
-    def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
+    def __init__(
+        self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float, flies_on: bool
+    ) -> None:
         settings = config()
         self._clock = clock
+        self._flies_on = flies_on
+        self._reached: _Reached | None = None
         self._end_ns = _START_NS + round(max_time_s * NS_PER_S)
         self._vehicle = Vehicle(gust_seed, settings.mission.takeoff_height_m, clock)
         self._track, self._drive = VehicleTrack(), BeaconDrive(scenario)
@@ -154,7 +171,6 @@ class _World:
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
-        self._points: list[MissionPoint] = []
         self._moving_from_s = math.inf
         self._iterations: list[Iteration] = []
 
@@ -171,6 +187,8 @@ class _World:
             self._batch_s = self._step_s
         for result in self._worker.due(now_ns):
             self._sar.take(result)
+        if self._reached is None and self._truth and math.dist(*self._truth[-1][1:]) <= RENDEZVOUS_M:
+            self._reached = _Reached(now_ns, len(self._truth), len(self._iterations))
         refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
         if refused and now_ns >= _START_NS:
             self._engaging = asyncio.ensure_future(self.flight.engage())
@@ -178,16 +196,22 @@ class _World:
 
     def result(self, ended_in: State) -> MissionResult:
         apart = [math.dist(uav, beacon) for _, uav, beacon in self._truth]
-        reached = bool(apart) and apart[-1] <= RENDEZVOUS_M
-        time_s = max(0.0, self._clock.now_ns() - _START_NS) / NS_PER_S
-        end = "rendezvous" if reached else str(ended_in)
-        self._points = [self._point(iteration) for iteration in self._iterations]
-        return MissionResult(reached, time_s, min(apart, default=math.inf), end, self._points)
+        until = self._reached or _Reached(self._clock.now_ns(), len(apart), len(self._iterations))
+        end = str(ended_in) if self._reached is None else "rendezvous"
+        arrived_m = apart[-1] if self._flies_on and ended_in is State.ARRIVED else None
+        return MissionResult(
+            self._reached is not None,
+            max(0.0, until.now_ns - _START_NS) / NS_PER_S,
+            min(apart[: until.truths], default=math.inf),
+            end,
+            [self._point(iteration) for iteration in self._iterations[: until.iterations]],
+            arrived_m,
+        )
 
     def _is_over(self, now_ns: int) -> bool:
         if now_ns >= self._end_ns:
             return True
-        if self._truth and math.dist(*self._truth[-1][1:]) <= RENDEZVOUS_M:
+        if self._reached is not None and not self._flies_on:
             return True
         return now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER
 

@@ -28,7 +28,7 @@ from companion.preflight import REQUIREMENTS
 from companion.radio import ANTENNAS, ChannelSample
 from companion.recorder import McapRecorder
 from companion.sar import SarIterations
-from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand
+from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand, Gusts
 from companion.sim.px4_commander import Commander, Mode
 from companion.sim.stage import set_stage
 from companion.window import SarWindow
@@ -41,7 +41,10 @@ from wsr.channel import wavelength_m
 
 _RATE_HZ = 20
 _POSES_PER_TICK = 5
-_MODES = {Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF}
+_MODES = {
+    Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF,
+    Mode.RTL: FlightMode.RETURN,
+}  # fmt: skip
 _GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0}  # fmt: skip # noqa: E501
 
 
@@ -58,9 +61,9 @@ class _Autopilot:
 
     problem = ""
 
-    def __init__(self, clock: ManualClock) -> None:
+    def __init__(self, clock: ManualClock, gusts: Gusts | None = None) -> None:
         self._clock = clock
-        self.commander = Commander(Airframe(AirframeLimits(), 0.0, None), clock.now_ns())
+        self.commander = Commander(Airframe(AirframeLimits(), 0.0, gusts), clock.now_ns())
         self.setpoints = 0
 
     async def connect(self, timeout_s: float = 10.0) -> None: ...
@@ -139,10 +142,13 @@ class _Worker:
 class _Service:
     """Everything in one process, moved on by `tick`."""
 
-    def __init__(self, directory: Path, out: Path) -> None:
+    def __init__(
+        self, directory: Path, out: Path, gusts: Gusts | None = None, hold_limit_s: float = 60.0, **gate: Any
+    ) -> None:
+        """`gate` replaces values of that section of the configuration."""
         stage = set_stage(directory, out, seed=1, use_netlink=False)
-        mission = replace(stage.uav.mission, limit_s=1e6)
-        uav = replace(stage.uav, mission=mission)
+        mission = replace(stage.uav.mission, limit_s=1e6, hold_limit_s=hold_limit_s)
+        uav = replace(stage.uav, mission=mission, gate=replace(stage.uav.gate, **gate))
         self.clock = _Clock(10**12)
         self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, EventClock(self.clock))
         aperture = uav.aperture
@@ -150,7 +156,7 @@ class _Service:
         window = SarWindow(uav.pose.antenna_m, wavelength, aperture.min_packets, aperture.max_pose_gap_s)
         self.node = Node(uav, self.clock, self.recorder, window.add_sample, window.add_pose)
         self.beacon = Node(stage.beacon, self.clock, self.recorder, window.add_sample, lambda _: None)
-        self.worker, self.autopilot = _Worker(), _Autopilot(self.clock)
+        self.worker, self.autopilot = _Worker(), _Autopilot(self.clock, gusts)
         self.sar = SarIterations(
             window, self.worker, self.node.receiver.neighbours, aperture, self.clock,
             lambda iteration, profile: self.flight.take(iteration, profile), self.node.intake.problem_between,
@@ -227,4 +233,28 @@ async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_fa
     assert service.flight.state is State.APPROACHING and service.autopilot.setpoints > minutes * 60 * _RATE_HZ * 0.8
     assert service.worker.submitted > 5 * minutes and service.recorder.dropped == 0
     assert service.clock.now_ns() > 10**12 + (minutes * 60 - 1) * NS_PER_S
-    assert grown_mib < 5 and files == 0 and tasks <= 0
+    assert grown_mib < 5 and files <= 0 and tasks <= 0
+
+
+async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """The target lies beyond it, and there are gusts: a vehicle that was carried over it comes back and stands inside,
+    and after some tries it is left to return."""
+    service = _Service(tmp_path_factory.mktemp("s"), tmp_path, Gusts(4), hold_limit_s=8.0, fence_radius_m=1.5)
+    farthest_m, refused, states = 0.0, 0, list[State]()
+    try:
+        async with service.flight._commands:
+            for index in range(75 * _RATE_HZ):
+                await service.tick()
+                if index == 2 * _RATE_HZ:
+                    assert await service.flight.engage() == ""
+                refused += bool(service.flight._refusals) and service.flight._streaming
+                farthest_m = max(farthest_m, math.hypot(*service.autopilot.commander.airframe.p_enu_m[:2]))
+                if service.flight.state not in states[-1:]:
+                    states.append(service.flight.state)
+    finally:
+        service.close()
+    print(f"farthest {farthest_m:.2f} m, {refused} set points refused, {' '.join(states)}")
+    assert 0 < refused < 100 and farthest_m < 1.5 + 0.3
+    assert states.count(State.HOLDING) >= 2 and states[-3:] == [State.HOLDING, State.LANDING, State.IDLE]

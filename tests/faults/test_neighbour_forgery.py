@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import socket
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,29 @@ def test_fault_20_no_forgery_is_accepted() -> None:
     assert refused > 0.99 * MUTANTS
     assert neighbour.refused.bad_key > MUTANTS // 4
     note(20, "forged datagrams", forgeries=MUTANTS, accepted=0)
+
+
+def test_fault_20_a_good_key_does_not_excuse_a_broken_datagram() -> None:
+    """What a robot with the key and a fault in its program sends is refused or taken, and breaks nothing."""
+    rng, clock = random.Random(SEED), ManualClock(5)
+    listening = receiver(clock)
+    beacon, mutants = listening.neighbours[2], runs(3_000, 300_000)
+    originals = [datagram(csi=n % 20, poses=n % 6) for n in range(40)]
+    for number in range(mutants):
+        echo = wire.Echo(1, rng.randrange(1 << 32), rng.randrange(1 << 20))
+        data = wire.encode(replace(originals[number % 40], counter=number, echo=echo), KEY)
+        clock.advance(0.02)
+        # Behind the counter, so that it is not a replay.
+        listening.take(wire.signed(data[:24] + mutant(data[24:-16], rng), KEY))
+        if number % 50 == 0:
+            now_ns = clock.now_ns()
+            beacon.add_forward(number % 19, now_ns, number)
+            beacon.relate_uncounted(now_ns)
+            beacon.poses()
+            beacon.health(now_ns)
+    assert beacon.accepted > mutants // 10
+    assert beacon.refused.malformed > mutants // 2
+    note(20, "broken datagrams with a good key", mutants=mutants, taken=beacon.accepted, errors=0)
 
 
 def test_fault_20_a_flood_of_forgeries_costs_little_of_a_core(tmp_path: Path) -> None:

@@ -21,9 +21,7 @@ def main(flight: Path | None, name: str) -> None:
         found = renew(path)
         click.echo(f"{path.name}: {'nothing moved' if not found else 'renewed'}")
         for one in found:
-            assert one.difference is not None
-            where = one.difference
-            click.echo(f"  {one.topic} message {where.index} at {where.t_s:.2f} s: {where.what}")
+            click.echo(f"  {one.topic} {one.difference}")
 
 
 if __name__ == "__main__":

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from tests.unit.wsr_scene import WAVELENGTH_M, Array, CsiRows, exchange, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import make_aperture
 from wsr.errors import ApertureError
 from wsr.estimators.robust import Robust
-from wsr.geometry import direction, great_circle, rotation_z
+from wsr.geometry import direction, great_circle
 
 few = settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 azimuths, polars = st.floats(-3.1, 3.1), st.floats(0.5, 2.6)
@@ -35,25 +36,27 @@ def _apart_rad(estimate: AoaEstimate, u: Array) -> float:
     return float(great_circle(direction(estimate.azimuth_rad, estimate.polar_rad), u))
 
 
-@given(azimuths, polars, st.floats(-3, 3))
+@given(azimuths, polars, st.lists(st.floats(-3, 3), min_size=3, max_size=3))
 @few
-def test_turns_with_the_scene(azimuth: float, polar: float, yaw: float) -> None:
+def test_turns_with_the_scene(azimuth: float, polar: float, turn_rad: list[float]) -> None:
     source = P_M.mean(axis=0) + 6 * direction(azimuth, polar)
     csi = exchange(P_M, source[None, :])
     here = _estimate(P_M, csi)
-    turned = _estimate(P_M @ rotation_z(yaw).T, csi)
-    u = rotation_z(yaw) @ direction(here.azimuth_rad, here.polar_rad)
+    turn = Rotation.from_rotvec(turn_rad)
+    turned = _estimate(turn.apply(P_M), csi)
+    u = turn.apply(direction(here.azimuth_rad, here.polar_rad))
     assert _apart_rad(turned, u) < LIMIT_RAD
     assert _apart_rad(here, direction(azimuth, polar)) < 2 * LIMIT_RAD
 
 
-@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.01, 100.0), st.floats(-500, 500))
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-9.0, 9.0), st.floats(-500, 500))
 @few
-def test_phase_gain_units_and_place_do_not_matter(ahead: float, back: float, unit: float, place: float) -> None:
+def test_phase_gain_units_and_place_do_not_matter(ahead: float, back: float, decades: float, place: float) -> None:
+    """Positions are metres; the channel comes in whatever units the receiver counts in."""
     u = direction(0.7, 1.3)
     forward, reverse = exchange(P_M, (P_M.mean(axis=0) + 6 * u)[None, :])
     turned = (
-        (3.0 * np.exp(1j * ahead) * forward).astype(np.complex64),
+        (10.0**decades * np.exp(1j * ahead) * forward).astype(np.complex64),
         (0.2 * np.exp(1j * back) * reverse).astype(np.complex64),
     )
     here = _estimate(P_M, (forward, reverse))
@@ -85,6 +88,8 @@ def test_refusals_say_what_and_by_how_much() -> None:
         _estimate(0.1 * (P_M - P_M.mean(axis=0)), csi)
     with pytest.raises(ApertureError, match=r"spans 0\.000 m"):
         _estimate(np.ones_like(P_M), csi)
+    with pytest.raises(ApertureError, match=r"4 different places; needs at least 20"):
+        _estimate(np.repeat(P_M[::125], 125, axis=0), csi)
     with pytest.raises(ApertureError, match=r"has 19 packets; needs at least 20"):
         make_aperture(T_S[:19], P_M[:19], np.ones(19), WAVELENGTH_M)
     forward, reverse = csi

@@ -139,13 +139,16 @@ class Flying:
 
 
 @asynccontextmanager
-async def flying(out: Path, real_url: str = "", **mission: Any) -> AsyncIterator[Flying]:
-    """A cast whose camera is a child of the service. `mission` replaces values of that section of the configuration.
+async def flying(
+    out: Path, real_url: str = "", autopilot: dict[str, Any] | None = None, **mission: Any
+) -> AsyncIterator[Flying]:
+    """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
+    configuration.
 
     With `real_url` an autopilot is there already: the world then moves the vehicle as that one's telemetry says.
     """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url)
+        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url, autopilot or {})
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
             bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
@@ -164,7 +167,7 @@ async def flying(out: Path, real_url: str = "", **mission: Any) -> AsyncIterator
                         helper.cancel()
 
 
-def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str) -> Stage:
+def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any]) -> Stage:
     directory = stage.directory
     lens = directory / "camera.sock"
     pose_socket = stage.uav.path(stage.uav.pose.socket)
@@ -175,8 +178,8 @@ def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str) -> Stage:
         pose=replace(stage.uav.pose, reader_command=reader),
         mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
     )
-    if real_url:
-        uav = replace(uav, autopilot=AutopilotConfig(real_url))
+    assert uav.autopilot is not None
+    uav = replace(uav, autopilot=AutopilotConfig(real_url or uav.autopilot.url, **autopilot))
     save_config(uav, directory / f"{uav.name}.yaml")
     scenario = replace(stage.scenario, uav=replace(stage.scenario.uav, pose_socket=str(lens)))
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))

@@ -11,8 +11,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
+from companion import wire
+from companion.broadcast import Link, NeighbourSender
 from companion.clock import MonotonicClock
 from companion.config import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
+from companion.errors import CompanionError
 from companion.pinger import Pinger
 from companion.traffic import sent_bytes
 from csi_bridge.injector import Injector, ping_frame, radiotap
@@ -39,6 +44,7 @@ def make_pair() -> None:
 
 def fields() -> None:
     from scapy.layers.dot11 import Dot11, RadioTap
+    from scapy.packet import Raw
 
     sender, listener = Injector("left", 3), Injector("right", 1)
     sender.send(ping_frame(MAC, 0x01020304, 57))
@@ -54,6 +60,13 @@ def fields() -> None:
     flags = int(tap.TXFlags)
     print(f"radiotap txflags {flags} mcs {tap.MCS_index} bandwidth {tap.MCS_bandwidth} guard {tap.guard_interval}")
     print(f"frame {len(raw)} bytes, {len(raw) + 4} with check sum")
+    card = "00:16:ea:12:34:56"
+    built = (
+        RadioTap(present="Flags+TXFlags+MCS", Flags=0, TXFlags="NOACK", knownMCS=7, MCS_index=3)
+        / Dot11(type=2, subtype=0, ID=0xFFFF, addr1=card, addr2=card, addr3="00:21:6a:53:89:d2", SC=0)
+        / Raw(bytes([1, 2, 3, 4]) + bytes(range(4, 4 + 25)))
+    )
+    print("scapy makes the same bytes" if bytes(built) == data else f"scapy makes {bytes(built).hex()}")
 
 
 def received(listener: Injector) -> list[bytes]:
@@ -104,9 +117,69 @@ async def rate() -> None:
     print(f"bytes_per_s {(after - before) / (time.monotonic() - start_s):.0f} pings {pinger.health()['sent']:.0f}")
 
 
+def datagrams() -> None:
+    """One second of 150 channels and 50 poses of a robot that moves, as the kernel counts them at the interface."""
+    subprocess.run(["ip", "addr", "add", "10.9.0.1/24", "broadcast", "10.9.0.255", "dev", "left"], check=True)
+    neighbours = NeighbourConfig("key", 17650, "10.9.0.255", interface="left")
+    link = Link(dataclasses.replace(CONFIG, neighbours=neighbours))
+    sender = NeighbourSender(
+        wire.Role.BEACON, 2, bytes(32), neighbours.pose_rate_hz, 1 << 32, neighbours.budget_bytes_s
+    )
+    rng = np.random.default_rng(5)
+    sender.add_heard(1, 0, 0)
+    before = sent_bytes("left")
+    for step in range(1000):
+        t_ns = step * 1_000_000
+        if sender.wants_pose(t_ns):
+            sender.add_pose(t_ns, (1e-3 * step, 5e-4 * step, 1e-4 * step), 3)
+        if step * 150 // 1000 != (step + 1) * 150 // 1000:  # every coefficient of such a channel needs all its bits
+            csi = (rng.normal(size=30) + 1j * rng.normal(size=30)).astype(np.complex64) * 30
+            sender.add_channel(step, t_ns, 7 * step * step % 997 + 1000 * step, csi, -50 - step % 7, 0)
+        if step % 100 == 99:
+            for data in sender.datagrams(t_ns):
+                link.send(data)
+    link.close()
+    after = sent_bytes("left")
+    assert before is not None
+    assert after is not None
+    print(f"bytes {after - before} counted {sender.sent_bytes} thinned {sender.thinned}")
+
+
+def addresses() -> None:
+    """A datagram to each kind of address, and whether it left by the interface and came back to its sender."""
+    subprocess.run(["ip", "addr", "add", "10.9.0.1/24", "broadcast", "10.9.0.255", "dev", "left"], check=True)
+    for address, interface in (
+        ("10.9.0.255", "left"),
+        ("255.255.255.255", "left"),
+        ("239.1.2.3", "left"),
+        ("239.1.2.3", None),
+        ("10.99.0.255", "left"),
+        ("10.9.0.255", "nosuch"),
+    ):
+        before = sent_bytes("left")
+        try:
+            link = Link(
+                dataclasses.replace(CONFIG, neighbours=NeighbourConfig("k", 17650, address, interface=interface))
+            )
+        except CompanionError as error:
+            print("refused", error)
+            continue
+        link.send(bytes(500))
+        time.sleep(0.05)
+        after = sent_bytes("left")
+        assert before is not None
+        assert after is not None
+        print("heard", len(link.drain()), "left", after - before >= 542)
+        link.close()
+
+
 if __name__ == "__main__":
     make_pair()
     if sys.argv[1] == "fields":
         fields()
+    elif sys.argv[1] == "datagrams":
+        datagrams()
+    elif sys.argv[1] == "addresses":
+        addresses()
     else:
         asyncio.run({"echo": echo, "rate": rate}[sys.argv[1]]())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -79,6 +80,33 @@ def test_a_file_that_is_no_log_is_one_clear_line(tmp_path: Path) -> None:
     assert process.returncode == 1
     assert "not a CSI log" in err
     assert "Traceback" not in err
+
+
+@needs_data
+def test_feed_says_when_there_is_no_service_to_hear_it(tmp_path: Path) -> None:
+    processes = [companion("feed", SAMPLE, "--unix", tmp_path / "nobody.sock")]
+    if UNAVAILABLE is None:
+        processes.append(companion("feed", SAMPLE, "--connector-idx", "31"))
+    for process in processes:
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 1
+        assert "start the service first" in err
+        assert "Traceback" not in err
+
+
+@needs_data
+@needs_netlink
+def test_doctor_finds_the_group_that_the_driver_really_reports_in(tmp_path: Path) -> None:
+    config = yaml.safe_load((Path(__file__).parents[2] / "configs" / "demo-uav.yaml").read_text())
+    config["csi"]["connector_idx"] = IDX + 1
+    (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
+    doctor = companion("doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "3")
+    feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(IDX))
+    out, _ = doctor.communicate(timeout=60)
+    feed.terminate()
+    feed.communicate()
+    assert re.search(rf"records came elsewhere: .*\d+ in group {IDX}\b.*set csi.connector_idx", out), out
+    assert doctor.returncode == 1
 
 
 @needs_data

@@ -5,10 +5,15 @@ from __future__ import annotations
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from companion.clock import MonotonicClock
+from companion.config import Config, CsiConfig, NeighbourConfig, PingConfig
+from companion.errors import CompanionError
+from companion.pinger import open_pinger
 from csi_bridge.injector import (
     CARD_ADDRESS,
     Injector,
@@ -50,7 +55,7 @@ def inside(*arguments: str) -> str:
 
 
 @needs_namespace
-def test_scapy_reads_every_field_of_a_ping_on_the_wire() -> None:
+def test_scapy_reads_every_field_of_a_ping_on_the_wire_and_makes_the_same_bytes() -> None:
     lines = inside("fields").splitlines()
     assert lines == [
         "type 2 subtype 0 tods 0 duration 65535 sequence 0",
@@ -58,6 +63,7 @@ def test_scapy_reads_every_field_of_a_ping_on_the_wire() -> None:
         "counter 01020304 at 24 big-endian",
         "radiotap txflags 8 mcs 3 bandwidth 0 guard 0",
         "frame 53 bytes, 57 with check sum",
+        "scapy makes the same bytes",
     ]
 
 
@@ -74,6 +80,26 @@ def test_default_pings_stay_under_ten_kilobytes_a_second_at_the_interface() -> N
     words = inside("rate").split()
     assert words[0] == "bytes_per_s"
     assert 0 < float(words[1]) < 10_000
+
+
+@needs_namespace
+def test_datagrams_of_150_packets_and_50_poses_stay_under_five_kilobytes_a_second_at_the_interface() -> None:
+    words = inside("datagrams").split()
+    assert words[::2] == ["bytes", "counted", "thinned"]
+    at_interface, counted, thinned = map(int, words[1::2])
+    assert thinned == 0
+    assert 3000 < counted < 5000
+    # The kernel's count has what the network stack says of itself in it.
+    assert counted <= at_interface < 5000
+
+
+@needs_namespace
+def test_broadcast_and_multicast_use_the_interface_that_is_named() -> None:
+    *heard, routeless, elsewhere, missing = inside("addresses").splitlines()
+    assert heard == ["heard 1 left True"] * 3
+    assert routeless.startswith("refused neighbours.broadcast 239.1.2.3, port 17650: No such device; expected")
+    assert elsewhere.startswith("refused neighbours.broadcast 10.99.0.255")
+    assert missing == "refused neighbours.interface nosuch: there is no such interface"
 
 
 def test_the_counter_is_where_the_patched_driver_reads_it() -> None:
@@ -108,6 +134,17 @@ def test_anything_else_is_no_ping() -> None:
     assert parse_capture(with_check_sum) == Ping(MAC, 7, 53)
     with_time = bytes([0, 0, 17, 0, 3, 0, 0, 0]) + bytes(8) + b"\x10" + ping_frame(MAC, 7, 57) + b"\0\0\0\0"
     assert parse_capture(with_time) == Ping(MAC, 7, 53)
+
+
+def test_nothing_is_sent_on_an_interface_that_is_no_monitor() -> None:
+    config = Config(
+        "uav", 1, "uav", CsiConfig(108, interface="lo"), NeighbourConfig("k"), [], ping=PingConfig(enabled=True)
+    )
+    with pytest.raises(CompanionError, match=r"csi.interface lo: it is not in monitor mode \(type 772, expected 803\)"):
+        open_pinger(config, MonotonicClock())
+    missing = replace(config, csi=CsiConfig(108, interface="nosuch0"))
+    with pytest.raises(CompanionError, match="nosuch0: there is no such interface"):
+        open_pinger(missing, MonotonicClock())
 
 
 def test_a_missing_interface_is_named() -> None:

@@ -110,6 +110,27 @@ async def test_a_hanging_worker_is_replaced_in_time() -> None:
         assert pid not in workers()
 
 
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+async def test_an_idle_worker_that_hangs_or_dies_is_noticed_and_replaced(number: signal.Signals) -> None:
+    """Though nobody has asked it anything."""
+    told: list[bool] = []
+    process = AoaProcess("bartlett", 0.7, lambda result: None, on_ready=told.append)
+    task = asyncio.create_task(process.run())
+    async with asyncio.timeout(120):
+        await process.ready.wait()
+        await asyncio.sleep(1.2)
+        assert told == [True] and process.restarts == 0, "it answers while it is well"
+        (pid,) = workers()
+        os.kill(pid, number)
+        while process.ready.is_set():  # noqa: ASYNC110 - it has no event for that
+            await asyncio.sleep(0.01)
+        await process.ready.wait()
+    assert told == [True, False, True] and process.restarts == 1 and pid not in workers()
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+
+
 async def test_a_backlog_drops_the_oldest_request() -> None:
     results: list[AoaResult] = []
     process = AoaProcess("bartlett", 1, results.append, waiting=2)

@@ -69,6 +69,8 @@ def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path
         ({"mission": {"takeoff_height_m": float("nan")}}, "mission.takeoff_height_m: expected a finite number"),
         ({"pose": [1, 2]}, "pose: expected a mapping of keys, got list"),
         ({"wings": 2}, "wings: unknown key"),
+        ({"neighbours": {"key_file": "uav.key", "rate_hz": 1.0}}, "neighbours.rate_hz: 1; expected at least 2"),
+        ({"neighbours": {"key_file": "beacon.key"}}, "key_file: beacon.key stands twice"),
     ],
 )
 def test_a_wrong_value_names_its_key(tmp_path: Path, changes: dict[str, object], expected: str) -> None:

@@ -89,6 +89,27 @@ def test_single_wrong_stamps_move_no_other_packet(wrong_s: float, clock: str) ->
     assert moved_s.max() < 1e-4
 
 
+@pytest.mark.parametrize("wrong_us", [300_000, -300_000, 20_000, -20_000])
+def test_a_wrong_stamp_in_flight_moves_no_other_packet(wrong_us: int) -> None:
+    true_ns, stamps_us, read_ns = run(WRAP_US - 5_000_000, -30e-6, seconds=20.0)
+    wrong = np.array([3, 700, 1000, 2500])
+    stamps_us[wrong] = (stamps_us[wrong] + wrong_us * np.array([10, 7, 5, 9]) // 10) % WRAP_US
+    clock = NicClock()
+    mapped_ns = np.array([clock.update(int(s), int(t)) for s, t in zip(stamps_us, read_ns, strict=True)])
+    assert clock.resets == 0
+    others = np.delete(np.arange(len(true_ns)), wrong)
+    assert np.abs(mapped_ns - true_ns - 1e5)[others[500:]].max() < 0.2e6
+    again_ns = clock.host_ns(stamps_us.astype(np.uint32))
+    assert np.abs(again_ns - true_ns - 1e5)[others].max() < 0.1e6
+
+
+def test_late_packets_are_found_out_by_two_that_agree() -> None:
+    clock = NicClock()
+    late_ms = [9, 8, 0.3, 7, 0.2, 6]
+    mapped_ms = [clock.update(10_000 * i, round((10 * i + late) * 1e6)) * 1e-6 for i, late in enumerate(late_ms)]
+    assert np.subtract(mapped_ms, 10 * np.arange(6)) == pytest.approx([9, 8, 0.3, 7, 0.2, 0.2], abs=0.01)
+
+
 def test_a_wrong_stamp_in_a_short_recording() -> None:
     host_s, stamps_us = np.asarray(np.arange(6) * 0.01 + 50.0, np.float64), np.arange(6, dtype=np.uint32) * 10_000
     wrong_s = host_s.copy()
@@ -170,3 +191,18 @@ def test_a_host_that_stalled_is_no_reset_of_the_card() -> None:
         assert abs(clock.update(number * 5000, late_ns) - 10_000_000_000 - number * 5_000_000) < 200_000
     assert abs(clock.update(1400 * 5000, late_ns) - late_ns) < 200_000
     assert clock.resets == 0
+
+
+def test_so_it_does_at_the_default_rate_of_pings() -> None:
+    """What an aperture uses, which takes its times anew when it is cut: 120 packets a second, whatever the draw."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        true_ns = np.cumsum(rng.exponential(1e9 / 120, 3600)) + 5e12
+        stamps_us = np.round((true_ns - true_ns[0]) * 1e-3 * (1 + 30e-6)).astype(np.int64)
+        outlier = rng.random(len(true_ns)) < 0.05
+        read_ns = true_ns + rng.uniform(0, 20e6, len(true_ns)) + outlier * rng.uniform(0, 480e6, len(true_ns))
+        clock = NicClock()
+        for stamp_us, now_ns in zip(stamps_us, read_ns, strict=True):
+            clock.update(int(stamp_us), int(now_ns))
+        leg = slice(-480, None)  # four seconds
+        assert np.abs(clock.host_ns(stamps_us[leg].astype(np.uint32)) - true_ns[leg]).max() < 0.2e6, seed

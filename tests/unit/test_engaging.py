@@ -5,10 +5,14 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from companion.approach import Approach, as_velocity
+import companion
+from companion.approach import Approach, as_velocity, inside
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.autopilot.reconnect import Backoff
 from companion.clock import NS_PER_S
@@ -78,6 +82,20 @@ def test_every_command_of_the_port_is_barred_or_harmless() -> None:
     harmless = {"connect", "run", "problem", "aclose", "state", "take_events", "parameter", "send_odometry"}
     port = {name for name, _ in inspect.getmembers(Autopilot) if not name.startswith("_")}
     assert port == harmless | set(_COMMANDS) | {"send_setpoint"}
+
+
+def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
+    """Read from the source: who else could send one would have to name it."""
+    root = Path(companion.__file__).parent
+    texts = {path.relative_to(root).as_posix(): path.read_text() for path in root.rglob("*.py")}
+    texts = {name: text for name, text in texts.items() if not name.startswith("sim/")}
+    assert {name for name, text in texts.items() if ".send_setpoint(" in text} == {"flight.py", "autopilot/observed.py"}
+    flight = texts["flight.py"]
+    assert flight.count(".send_setpoint(") == 1 and re.findall(r"self\._send\((.*)\)", flight) == ["verdict.setpoint"]
+    messages = re.compile(r"SET_(POSITION|ATTITUDE|ACTUATOR)\w*_TARGET|MANUAL_CONTROL|RC_CHANNELS_OVERRIDE")
+    assert {name for name, text in texts.items() if messages.search(text)} == {"autopilot/mavsdk_edge.py"}
+    plugins = {plugin for text in texts.values() for plugin in re.findall(r"mavsdk\.plugins\.(\w+)", text)}
+    assert plugins == {"mavlink_direct"}, "the library's own offboard plugin repeats the last set point for ever"
 
 
 class _Sar:
@@ -163,6 +181,17 @@ def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
     assert back.v_local_enu_m_s == pytest.approx((0.5, -0.4, 0.08))
     far = as_velocity(path, (1.0, -50.0, 30.0), limits)
     assert math.hypot(*far.v_local_enu_m_s[:2]) == pytest.approx(1.0) and far.v_local_enu_m_s[2] == -0.5
+
+
+def test_after_a_refusal_it_stands_inside_the_fence() -> None:
+    limits = GateLimits((-9, -4, -1), (9, 4, 5), 6.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+    assert inside((1.0, 2.0, 1.5), limits) == pytest.approx((1.0, 2.0, 1.5))
+    assert inside((0.0, 5.0, 1.5), limits) == pytest.approx((0.0, 3.7, 1.5))
+    assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))
+    assert inside((0.0, 0.0, 9.0), limits)[2] == pytest.approx(4.7)
+    assert inside((0.0, 0.0, 0.1), limits)[2] == pytest.approx(0.8)
+    narrow = replace(limits, fence_min_m=(-0.1, -4, -1), fence_max_m=(0.1, 4, 5))
+    assert inside((3.0, 1.0, 1.5), narrow) == pytest.approx((0.0, 1.0, 1.5))
 
 
 def _bearing(from_m: Vector3, target_m: Vector3) -> Bearing:

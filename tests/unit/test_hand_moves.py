@@ -73,8 +73,8 @@ def test_what_a_person_does_wrong_is_told_apart() -> None:
     assert "up axis is 40 deg" in judge(MOVES[0], before, replace(after, q_enu_from_body=(w, x, y, z)), 1.0).problem
 
 
-def test_the_table_of_the_field_guide() -> None:
-    """Nose to the North: forward is North, left is West."""
+def test_the_table_of_moves() -> None:
+    """Nose to the North: forward is North, left is West. docs/safety.md has it, generated."""
     table = {move.name: expected_enu_m(move, math.pi / 2, 1.0) for move in MOVES}
     assert table["forward"] == pytest.approx((0, 1, 0)) and table["left"] == pytest.approx((-1, 0, 0), abs=1e-12)
     assert table["up"] == pytest.approx((0, 0, 1)) and table["turn left"] == (0, 0, 0)
@@ -94,7 +94,7 @@ def _service(folder: Path, poses: list[Pose], heading_rad: float | None) -> Iter
     """A control socket that answers `pose` with one pose after the other; its config file."""
     config = replace(load_config(_CONFIG), runtime_dir=str(folder))
     save_config(config, folder / "uav.yaml")
-    waiting = iter(poses)
+    waiting = iter([poses[0], *poses])  # the first is the command's own look at whether there are any
 
     async def answer(command: str) -> dict[str, Any]:
         assert command == "pose"
@@ -129,6 +129,13 @@ def test_the_command_walks_through_all_moves(tmp_path: Path) -> None:
     assert error is None, output
     assert output.count(": right") == 5 and "north: the poses' heading is -3.0 deg from the autopilot's" in output
     assert '"north_error_deg": -3.0' in (tmp_path / "r.json").read_text()
+
+
+def test_without_a_service_nobody_is_asked_to_carry_anything(tmp_path: Path) -> None:
+    save_config(replace(load_config(_CONFIG), runtime_dir=str(tmp_path)), tmp_path / "uav.yaml")
+    result = CliRunner().invoke(check_axes, ["--config", str(tmp_path / "uav.yaml")], input="\n" * 8)
+    assert isinstance(result.exception, CompanionError) and "no service is running there" in str(result.exception)
+    assert result.output == ""
 
 
 def test_the_command_names_what_is_wrong(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +15,29 @@ from companion.analysis_report import as_json
 from companion.cli import main
 from companion.log.recording import analyze_session, export_run, import_run
 from companion.log_reader import open_session
-from companion.recordings import Run, find_runs
+from companion.recordings import RecordingError, Run, find_runs, loose_run
+from tests.csi_records import DATA, needs_data
+from tests.faults.campaigns import FULL
 from tests.synthetic_run import RunFolder
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-ONE_OF_EACH_SET = (
-    "wsr_dataset_dev/LOS_Set_A",
-    "wsr_dataset_dev/LOS_Set_B",
-    "wsr_dataset_dev/NLOS_Set_A",
-    "wsr_dataset_dev/NLOS_Set_B",
-    "wsr_dataset_dev/NLOS_Set_C",
-    "wsr_3d",
-)
+
+def chosen() -> list[Run]:
+    """One run of each public set; all of them in the long campaign (`make faults`)."""
+    runs = find_runs(DATA) if DATA.is_dir() else []
+    return runs if FULL else list({run.set_name: run for run in reversed(runs)}.values())
+
+
+@pytest.fixture
+def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    def cli(*arguments: str | Path) -> str:
+        monkeypatch.setattr(sys, "argv", ["companion", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        captured = capsys.readouterr()
+        assert not exit_.value.code, captured.err
+        return captured.out
+
+    return cli
 
 
 def links(result: Any) -> list[dict[str, Any]]:
@@ -44,17 +56,8 @@ def test_a_run_comes_back_from_its_log_and_gives_the_same_bearing(run: RunFolder
     assert (back.stamp, back.set_name, scene.problems) == (found.stamp, found.set_name, ())
 
 
-def test_the_commands_import_replay_and_report(
-    run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def cli(*arguments: str | Path) -> str:
-        monkeypatch.setattr(sys, "argv", ["companion", *map(str, arguments)])
-        with pytest.raises(SystemExit) as exit_:
-            main()
-        captured = capsys.readouterr()
-        assert not exit_.value.code, captured.err
-        return captured.out
-
+def test_the_commands_import_replay_and_report(run: RunFolder, tmp_path: Path, run_cli: Callable[..., str]) -> None:
+    cli = run_cli
     cli("log", "import", run.folder, "--out", tmp_path / "logs")
     (log,) = (tmp_path / "logs").iterdir()
     cli("replay", log, "--json", tmp_path / "replay.json", "--out", tmp_path / "pictures")
@@ -67,13 +70,30 @@ def test_the_commands_import_replay_and_report(
     assert page.count("data:image/png;base64,") == 2
     assert "http" not in page
     assert cli("log", "export", log, "--out", tmp_path / "files").count(".dat") >= 2
+    assert cli("log", "export", log, "--to", "tum", "--out", tmp_path / "tum").count(".tum") >= 1
+    assert {path.suffix for path in (tmp_path / "tum").rglob("*.*")} == {".tum"}
 
 
-@pytest.mark.parametrize("name", ONE_OF_EACH_SET)
-def test_a_run_of_each_public_set_gives_the_same_bearings(name: str, tmp_path: Path) -> None:
-    if not (DATA / name).is_dir():
-        pytest.skip(f"no recordings at {DATA / name}")
-    found: Run = find_runs(DATA / name)[0]
-    log = tmp_path / "run.mcap"
-    import_run(found, log, Options())
-    assert links(analyze_session(open_session(log))) == links(analyze_run(found, Options()))
+def test_a_loose_file_that_cannot_be_read_is_no_recording(run: RunFolder, tmp_path: Path) -> None:
+    (found,) = find_runs(run.folder)
+    assert found.rx is not None
+    (tmp_path / "empty.csv").touch()
+    loose = loose_run(found.rx, tuple(found.tx.values()), tmp_path / "empty.csv")
+    with pytest.raises(RecordingError, match=r"empty\.csv"):
+        import_run(loose, tmp_path / "run.mcap", Options())
+
+
+@needs_data
+@pytest.mark.parametrize("found", chosen(), ids=lambda run: f"{run.set_name}-{run.stamp}")
+def test_fault_00_a_recording_imported_replayed_and_reported_gives_the_same_bearings(
+    found: Run, tmp_path: Path, run_cli: Callable[..., str]
+) -> None:
+    run_cli("log", "import", found.folder, "--run", found.stamp, "--out", tmp_path / "logs")
+    (log,) = (tmp_path / "logs").iterdir()
+    analysed = json.loads(json.dumps(links(analyze_run(found, Options()))))
+    assert analysed
+    for command, page in (("replay", ()), ("report", ("-o", tmp_path / "report.html"))):
+        if command == "report" or FULL:  # both estimate by the same function
+            run_cli(command, log, *page, "--json", tmp_path / "result.json")
+            assert json.loads((tmp_path / "result.json").read_text())["runs"][0]["links"] == analysed
+    assert "data:image/png;base64," in (tmp_path / "report.html").read_text()

@@ -80,6 +80,59 @@ def test_a_cut_log_replays_as_far_as_it_goes(cli: Run, tmp_path: Path) -> None:
     assert "identical" in out
 
 
+@pytest.mark.parametrize("zeroed", [1, 4096])
+def test_damage_costs_what_it_touched_and_a_replay_ends_before_it(cli: Run, tmp_path: Path, zeroed: int) -> None:
+    content = bytearray(FLIGHT.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + zeroed] = bytes(byte ^ 0x55 for byte in content[middle : middle + zeroed])
+    hurt = tmp_path / "hurt.mcap"
+    hurt.write_bytes(content)
+    messages, all_messages = list(LogScan(hurt)), list(LogScan(FLIGHT))
+    assert 0.7 * len(all_messages) < len(messages) < len(all_messages)
+    assert messages[-1] == all_messages[-1]
+    code, out, err = cli("log", "info", hurt)
+    assert code == 0, err
+    assert "DAMAGED at 1 places" in out
+    code, out, err = cli("log", "repair", hurt)
+    assert code == 0, err
+    assert f"{len(messages)} messages" in out
+    assert "will differ" in err
+    code, out, err = cli("replay", hurt, "--check")
+    assert code == 0, out + err
+    assert "cut off or damaged" in out
+    # Behind the damage other inputs were heard: what differs is told in a line, not in all its numbers.
+    code, out, _ = cli("replay", tmp_path / "hurt.repaired.mcap", "--check", "--json", tmp_path / "check.json")
+    assert code == 1
+    told = [one["difference"] for one in json.loads((tmp_path / "check.json").read_text())["check"]]
+    assert any(told)
+    assert all(len(one["what"]) < 500 for one in told if one is not None)
+
+
+@pytest.mark.parametrize("removed", [0, 50])
+def test_a_damaged_first_chunk_costs_no_channel_of_the_others(tmp_path: Path, removed: int) -> None:
+    """Channels are told once, in the first chunk, and again at the end, wherever that has moved to."""
+    content = bytearray(FLIGHT.read_bytes())
+    at = content.index(b"zstd") + 200
+    content[at] ^= 0x55
+    del content[at + 1 : at + 1 + removed]
+    hurt = tmp_path / "hurt.mcap"
+    hurt.write_bytes(content)
+    assert {message.topic for message in LogScan(hurt)} >= {"/csi", "/pose/in", "/tick", "/vehicle", "/setpoint"}
+
+
+def test_export_of_a_merged_log_keeps_the_robots_apart(cli: Run, tmp_path: Path) -> None:
+    session = open_session(FLIGHT)
+    beacon = tmp_path / "beacon.mcap"
+    with beacon.open("wb") as file:
+        writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
+        for message in session.messages({CSI.topic}):
+            writer.write(CSI, message.log_time_ns, message.log_time_ns, message.sequence, message.data)
+        writer.finish()
+    assert cli("log", "merge", FLIGHT, beacon, "--out", tmp_path / "merged.mcap")[0] == 0
+    assert cli("log", "export", tmp_path / "merged.mcap", "--to", "dat", "--out", tmp_path / "x")[0] == 0
+    assert (tmp_path / "x" / "ground_csi.dat").read_bytes() == (tmp_path / "x" / "csi.dat").read_bytes()
+
+
 def test_export_gives_other_tools_what_they_read(cli: Run, tmp_path: Path) -> None:
     code, _, err = cli("log", "export", FLIGHT, "--out", tmp_path / "x")
     assert code == 0, err
@@ -152,6 +205,19 @@ def test_what_cannot_be_replayed_says_why(cli: Run, tmp_path: Path) -> None:
     code, _, err = cli("replay", beacon)
     assert code == 1
     assert "holds no decisions" in err
+    code, _, err = cli("replay", FLIGHT, "--config", _config_file(tmp_path, config))
+    assert code == 2
+    assert "expected uav" in err
+    with (tmp_path / "truth.mcap").open("wb") as file:
+        LogWriter(file, {"role": "truth", "wall_minus_mono_ns": "0"}).finish()
+    for command in ("replay", "report"):
+        code, _, err = cli(command, tmp_path / "truth.mcap")
+        assert code == 1
+        assert "holds no configuration" in err
+    (tmp_path / "cut.mcap").write_bytes(FLIGHT.read_bytes()[:100])
+    code, _, err = cli("report", tmp_path / "cut.mcap")
+    assert code == 1
+    assert "cut off or damaged in its first bytes" in err
     code, _, err = cli("replay", FLIGHT, "--speed", "-2")
     assert code == 2
     assert "positive factor" in err
@@ -175,6 +241,12 @@ def test_another_configuration_is_set_beside_the_flown_one(cli: Run, tmp_path: P
     assert "open loop" in text
     assert (tmp_path / "o" / "comparison.png").read_bytes().startswith(b"\x89PNG")
     assert open_session(tmp_path / "o" / "replay.mcap").metadata["role"] == "replay"
+
+
+def _config_file(folder: Path, config: dict[str, Any]) -> Path:
+    path = folder / "config.yaml"
+    path.write_text(json.dumps(config))
+    return path
 
 
 def _write_ulog(path: Path, session: Any, scale: float = 1.0) -> int:

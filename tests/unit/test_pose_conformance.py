@@ -12,7 +12,7 @@ import math
 import socket
 import struct
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +20,14 @@ import pytest
 
 from companion.clock import NS_PER_S, MonotonicClock
 from companion.config import NatNetConfig
+from companion.config_file import load_config
 from companion.errors import CompanionError
 from companion.messages import Pose, Vector3
 from companion.pose import wire
 from companion.pose.autopilot import AutopilotPoses
+from companion.pose.intake import PoseIntake
 from companion.pose.natnet import NatNetPoses
+from companion.pose.opening import open_poses
 from companion.pose.port import Poses
 from companion.pose.recording import RecordedPoses
 from companion.pose.source import PoseSource
@@ -268,6 +271,31 @@ def test_a_server_older_than_2_6_is_not_understood(tmp_path: Path) -> None:
     assert source._version is None
 
 
+async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> None:
+    """As the motion capture of the WSR data sets is; each row ends in a comma."""
+    path, got = tmp_path / "rx_trajectory.csv", list[Pose]()
+    path.write_text("".join(f"1000,{index * 10**7},{index},2,0.2,\n" for index in range(3)))
+    source = RecordedPoses(path, _CLOCK, got.append)
+    await source.run()
+    assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (1, 2, 0.2), (2, 2, 0.2)]
+    assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
+    config = load_config(Path(__file__).parents[2] / "configs" / "demo-uav.yaml")
+    recorded = replace(config, pose=replace(config.pose, source="recording", recording=str(path)))
+    intake = PoseIntake(recorded.pose, _CLOCK, got.append)
+    with pytest.raises(CompanionError, match=r"has no attitudes, .* pose.antenna_m .*; expected \[0, 0, 0\]"):
+        open_poses(recorded, _CLOCK, intake)
+    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, intake).close()
+
+
+async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path: Path) -> None:
+    path, got = tmp_path / "way.tum", list[Pose]()
+    times = [1000 + 0.001 * index for index in range(40)]
+    times[7] = 999.0
+    path.write_text("".join(f"{t_s} {index} 0 0 0 0 0 1\n" for index, t_s in enumerate(times)))
+    await RecordedPoses(path, _CLOCK, got.append).run()
+    assert [pose.p_enu_m[0] for pose in got] == [index for index in range(40) if index != 7]
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
@@ -276,6 +304,8 @@ def test_a_server_older_than_2_6_is_not_understood(tmp_path: Path) -> None:
         ("1 0 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n", "line 2: expected 8 finite"),
         ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "pose 2 is older"),
         ("1,2,3,4\n", "line 1: expected 9 finite"),
+        ("1,0,0,0,0\n2,0,0,0\n", "line 2: expected 5 finite"),
+        ("1,0,0,0,0,0,0,0,1\n2,0,0,0,0\n", "line 2: expected 9 finite"),
     ],
 )
 def test_a_bad_recording_is_one_clear_error(tmp_path: Path, text: str, named: str) -> None:

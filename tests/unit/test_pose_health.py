@@ -139,6 +139,35 @@ def test_a_slow_stream_is_told(stream: _Stream) -> None:
         stream.now_ns += NS_PER_S // 10
         stream.health.take(replace(stream.pose, t_mono_ns=stream.now_ns), stream.now_ns)
     assert stream.health.status(stream.now_ns).problem == "only 10 poses a second"
+    assert stream.problem_since(stream.now_ns - NS_PER_S // 2) == "poses: low rate", "though no gap is long"
+
+
+def test_a_slow_start_is_no_low_rate(stream: _Stream) -> None:
+    stream.health.note_reset(stream.now_ns)
+    stream.now_ns += 5 * NS_PER_S
+    start_ns = stream.now_ns
+    stream.run(3.0)
+    assert stream.health.counts["low rate"] == 0 and stream.problem_since(start_ns) == ""
+
+
+def test_a_pose_of_a_time_to_come_is_not_used_and_leaves_nothing_behind(stream: _Stream) -> None:
+    """Taken, it would have looked fresh for an hour, while every true pose came too late after it."""
+    start_ns = stream.now_ns
+    assert not stream.health.take(replace(stream.pose, t_mono_ns=stream.now_ns + 3600 * NS_PER_S), stream.now_ns)
+    assert not stream.health.take(replace(stream.pose, t_mono_ns=stream.now_ns + 51_000_000), stream.now_ns)
+    stream.run(0.5)
+    assert stream.health.counts["future"] == 2 and stream.health.counts["disorder"] == 0
+    assert 0 <= stream.health.age_s(stream.now_ns) < 0.01 and not stream.health.is_lost(stream.now_ns)
+    assert stream.problem_since(start_ns) == "poses: future"
+    stream.now_ns += NS_PER_S
+    assert stream.health.age_s(stream.now_ns) == pytest.approx(1.0), "silence after it is seen"
+
+
+def test_a_tracker_whose_clock_runs_ahead_has_lost_itself(stream: _Stream) -> None:
+    for _ in range(20):
+        stream.now_ns += _STEP_NS
+        stream.health.take(replace(stream.pose, t_mono_ns=stream.now_ns + NS_PER_S), stream.now_ns)
+    assert stream.health.is_lost(stream.now_ns)
 
 
 def test_poses_out_of_order_are_not_used(stream: _Stream) -> None:

@@ -315,6 +315,29 @@ def test_a_pilot_keeps_the_mode_against_the_stream_but_not_against_a_request(cli
     assert client.mode() is Mode.OFFBOARD
 
 
+def test_a_person_flies_with_the_sticks(client: _Client) -> None:
+    client.run(20.0)
+    for velocity, seconds in (("0 0 1", 1.5), ("0.5 0 0", 2.0), ("0 0 0", 2.0)):
+        assert client.px4.order(f"sticks {velocity}") is None
+        client.run(seconds)
+    commander = client.px4.commander
+    assert commander.armed and not commander.landed and client.mode() is Mode.POSCTL
+    assert commander.airframe.p_enu_m == pytest.approx((1.0, 0.0, 1.5), abs=0.3)
+    assert commander.airframe.v_enu_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+
+
+def test_everything_the_companion_sends_is_counted(client: _Client) -> None:
+    client.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    client.set_mode(_HOLD)
+    before = dict(client.px4.report(client.now_ns).received)
+    client.set_mode(_HOLD)
+    after = client.px4.report(client.now_ns).received
+    assert before["COMMAND_LONG 512"] == 1
+    assert {name: count - before.get(name, 0) for name, count in after.items() if count != before.get(name, 0)} == {
+        "COMMAND_LONG 176": 1
+    }
+
+
 def test_counters_of_the_stream(client: _Client) -> None:
     client.take_off()
     client.run(1, stream_hz=20)

@@ -27,6 +27,28 @@ def test_errors_reach_the_bound_with_unknown_phase() -> None:
         assert (row.azimuth_ratio + row.polar_ratio) / 2 < 1.5, row
 
 
+def test_a_climb_from_the_wrong_range_is_not_the_last_word() -> None:
+    """Of this path the highest coarse cell is of a range and direction whose climb ends on a side lobe."""
+    rng = np.random.default_rng([1, 101])
+    trial = simulated(rng, arbitrary_path(rng), 8.0, 20.0)
+    assert np.degrees(error_rad(trial, Robust().estimate(trial.aperture)[0])[2]) < 0.05
+
+
+def test_a_velocity_error_over_a_level_curve() -> None:
+    """A level path tells the linear phase from an azimuth where it is curved."""
+    errors_deg: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(6):
+        rng = np.random.default_rng([9, seed])
+        path = arbitrary_path(rng)
+        path[:, 2] = 0.0
+        wrong = np.linspace(0.0, 1.0, len(path))[:, None] * np.array([0.12, -0.1, 0.0])
+        trial = simulated(rng, path, 10.0, 20.0, pose_error_m=wrong, level=True)
+        for drift, errors in errors_deg.items():
+            estimate = Robust(RobustOptions(drift=drift)).estimate(trial.aperture)[0]
+            errors.append(abs(float(np.degrees(error_rad(trial, estimate)[0]))))
+    assert np.median(errors_deg[True]) < 0.3 * np.median(errors_deg[False])
+
+
 def test_near_field_bias_is_gone_and_range_is_known() -> None:
     row = near_row(10)
     assert 0.5 < row.far_field_deg < 4.0

@@ -6,12 +6,13 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
+from numpy.random import SeedSequence
 
 from companion.cli import main
 from companion.study.catalogue import MODULES, study
@@ -20,6 +21,7 @@ from companion.study.local import ProcessRunner
 from companion.study.report import draw, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
 from companion.study.trials import Batch, run_batch, trial_seed
+from tests.browser import visit
 
 DATA = Path(__file__).resolve().parents[2] / "../shared/data"
 SEED = 1
@@ -43,7 +45,7 @@ def _check_leftovers(one: Study[Any, Any], rows: list[Any], folder: Path) -> Out
     assert picture.read_bytes().startswith(b"\x89PNG")
     write_json(folder / "result.json", outcome)
     assert json.loads((folder / "result.json").read_text())["study"] == one.name
-    write_page(folder / "report.html", [outcome], {one.name: picture})
+    write_page(folder / "report.html", [outcome], {one.name: picture}, {})
     page = (folder / "report.html").read_text()
     assert "data:image/png;base64," in page
     assert all(finding.quantity.replace("<", "&lt;").replace("'", "&#x27;") in page for finding in outcome.findings)
@@ -152,9 +154,13 @@ def test_packets_losses_are_as_asked_and_errors_come_with_refusals(tmp_path: Pat
 def test_rendezvous_is_the_same_mission_for_the_same_seed(tmp_path: Path) -> None:
     one = study("rendezvous")
     (case, *_) = one.plan(Settings(1, DATA))
-    first, again = (one.trial(case, trial_seed(SEED, 1)) for _ in range(2))
-    assert msgspec.json.encode(first) == msgspec.json.encode(again)
+    first = one.trial(case, trial_seed(SEED, 1))
     assert len(first.steps) > 3
+    assert case.flies_on
+    assert first.arrived_m is not None
+    assert first.arrived_m < first.closest_m <= 2.0
+    short = one.trial(replace(case, flies_on=False), trial_seed(SEED, 1))
+    assert replace(first, flown_on=False, arrived_m=None) == short
     assert first.reached == (first.closest_m <= 2.0)
     assert first.reached or first.end in ("arrived", "landing", "latched", "holding", "approaching", "acquiring")
     assert all(step.distance_m > first.closest_m - 0.5 for step in first.steps)
@@ -218,7 +224,56 @@ def test_all_makes_one_page_and_goes_on_without_recordings(
     assert "vio: left out" in capsys.readouterr().out
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 1
+    assert "vio left out" in page
     assert [outcome["study"] for outcome in json.loads(result.read_text())] == ["crb"]
+    seen = visit((tmp_path / "report.html").as_uri(), tmp_path / "browser")
+    assert (seen.console, seen.outside) == ([], [])
+    assert seen.dom.count("<img") == 1
+
+
+def test_recordings_of_which_none_can_be_used_are_a_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rx = tmp_path / "data" / "csi_rx_2021-06-27_203220.dat"
+    rx.parent.mkdir()
+    for name in (rx.name, "csi_tx1_2021-06-27_203220.dat"):
+        (rx.parent / name).write_bytes(bytes(50))
+    for name in ("rx_trajectory_2021-06-27_203220_.csv", "t265_rx_trajectory2021-06-27_203220.csv"):
+        (rx.parent / name).touch()
+    assert _command(monkeypatch, "vio", "--data", rx.parent, "--out", tmp_path, "--jobs", "1") == 1
+    shown = capsys.readouterr().err
+    assert "none of 1 trials gave a result" in shown
+    assert rx.name in shown
+
+
+def _no_trial(spec: object, seed: SeedSequence) -> float:
+    raise ValueError("thirteen")
+
+
+def test_all_goes_on_after_a_study_that_failed_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    studies = {"packets": replace(study("packets"), trial=_no_trial), "crb": study("crb")}
+    monkeypatch.setattr("companion.commands.study.MODULES", studies)
+    monkeypatch.setattr("companion.commands.study.load_study", studies.get)
+    assert _command(monkeypatch, "all", "--trials", "1", "--out", tmp_path) == 1
+    assert "packets failed: trial 0 (seed 1): ValueError: thirteen" in capsys.readouterr().err
+    page = (tmp_path / "report.html").read_text()
+    assert "packets failed: trial 0 (seed 1): ValueError: thirteen" in page
+    assert page.count("data:image/png;base64,") == 1
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    for out, result in (("file/out", "x.json"), ("out", "file/x.json")):
+        assert _command(monkeypatch, "crb", "--out", tmp_path / out, "--json", tmp_path / result) == 1
+        shown = capsys.readouterr()
+        assert str(tmp_path / "file") in shown.err
+        assert "cannot be written" in shown.err
+        assert not shown.out
+    assert not (tmp_path / "file").read_bytes()
 
 
 def test_processes_give_what_this_one_gives() -> None:

@@ -21,7 +21,7 @@ from numpy.random import SeedSequence
 from companion.errors import ConfigError
 from companion.study.cluster import DaskRunner
 from companion.study.local import ProcessRunner
-from companion.study.trials import Runner, TrialError, batches, trial_seed
+from companion.study.trials import Runner, RunnerError, TrialError, batches, trial_seed
 
 _START_S = 60.0
 SEED = 7
@@ -99,7 +99,7 @@ def _connected(address: str, workers: int) -> Iterator[DaskRunner]:
     while True:
         try:
             runner = DaskRunner(address)
-        except TrialError:
+        except RunnerError:
             assert time.monotonic() < deadline, "the scheduler or its workers did not start"
             time.sleep(0.3)
             continue

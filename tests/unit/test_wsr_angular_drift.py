@@ -77,8 +77,14 @@ def test_bounded_offsets_keep_the_corrected_cosine_and_not_the_printed_one() -> 
     worst = amplitude_towards(chi, with_angular_drift(chi, alternating, 0.0), WAVELENGTH_M, AZIMUTH, math.pi / 2)
     assert worst == pytest.approx(least_amplitude(radius, WAVELENGTH_M, delta, 0.0), abs=1e-4)
     assert worst < math.cos(4 * math.pi * radius / WAVELENGTH_M * delta / 2) - 0.05  # the half is lost as well
+    upright = radius * direction(AZIMUTH, np.full(400, 0.4))
+    moved = with_angular_drift(upright, 0.0, mu * np.where(np.arange(400) % 2, 1.0, -1.0))
+    worst = amplitude_towards(upright, moved, WAVELENGTH_M, AZIMUTH, 0.4 + math.pi / 2)
+    assert worst == pytest.approx(least_amplitude(radius, WAVELENGTH_M, 0.0, mu), abs=1e-4)
 
 
 def test_a_quarter_turn_of_phase_promises_nothing() -> None:
-    assert least_amplitude(0.5, WAVELENGTH_M, math.radians(2), 0.0) == 0.0
+    quarter = WAVELENGTH_M / 8 / 0.5
+    assert least_amplitude(0.5, WAVELENGTH_M, 0.99 * quarter, 0.0) == pytest.approx(math.cos(0.99 * math.pi / 2))
+    assert least_amplitude(0.5, WAVELENGTH_M, 1.01 * quarter, 0.0) == 0.0
     assert least_amplitude(0.5, WAVELENGTH_M, 0.0, 0.0) == 1.0

@@ -93,6 +93,20 @@ def test_line_in_single_precision_is_still_a_line() -> None:
     assert crb(chi, WAVELENGTH_M, AZIMUTH, POLAR).great_circle_rad == math.inf
 
 
+@pytest.mark.parametrize("phase", ["known", "unknown"])
+@pytest.mark.parametrize("off_rad", [0.0, 1e-9, 1e-5, 1e-3])
+def test_line_seen_end_on_measures_nothing(phase: str, off_rad: float) -> None:
+    """Nor a line in single precision, whose rounding goes in all directions."""
+    line = np.linspace(0.0, 1.0, 100)[:, None] * direction(AZIMUTH, POLAR)
+    for chi in (line, (line + 3.0).astype(np.float32).astype(np.float64) - 3.0):
+        bound = crb(chi, WAVELENGTH_M, AZIMUTH + off_rad, POLAR, phase="known" if phase == "known" else "unknown")
+        assert bound.great_circle_rad == math.inf
+        if off_rad == 0.0:
+            assert (bound.azimuth_rad2, bound.polar_rad2, bound.covariance_rad2) == (math.inf, math.inf, 0.0)
+    level = crb(_line(), WAVELENGTH_M, math.atan2(0.8, 0.6), math.pi / 2)
+    assert (level.azimuth_rad2, level.polar_rad2) == (math.inf, math.inf)
+
+
 def test_line_seen_across_determines_the_angle_it_lies_along() -> None:
     """Horizontal line, source on the horizon: the polar angle is blind, the azimuth is not."""
     bound = crb(_line(), WAVELENGTH_M, AZIMUTH, math.pi / 2)

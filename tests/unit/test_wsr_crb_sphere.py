@@ -45,13 +45,25 @@ def test_line_is_infinite_jointly_and_finite_apart() -> None:
     chi = np.linspace(-0.5, 0.5, 100)[:, None] * np.array([0.6, 0.8, 0.0])
     for positions in (chi, (chi + 3.0).astype(np.float32).astype(np.float64)):
         field = crb_over(scatter_factor(positions, WAVELENGTH_M), AZIMUTH, POLAR)
-        assert np.isinf(field.great_circle_rad2).all()
+        assert np.isinf([field.great_circle_rad2, field.azimuth_rad2, field.polar_rad2]).all()
+        assert not field.covariance_rad2.any()
         assert np.isfinite(field.azimuth_alone_rad2).all()
         assert np.isfinite(field.polar_alone_rad2).all()
     across = crb_over(scatter_factor(chi, WAVELENGTH_M), 0.8, math.pi / 2)
     assert np.isfinite(across.azimuth_rad2[0])
     assert np.isinf(across.polar_rad2[0])
     assert np.isinf(across.polar_alone_rad2[0])
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_line_seen_end_on_measures_nothing(phase: Phase) -> None:
+    """Far or near: what rounding leaves of its lengths is no information."""
+    line = np.linspace(0.0, 1.0, 50)[:, None] * direction(0.3, 1.0)
+    field = crb_over(scatter_factor(line, WAVELENGTH_M, 1.0, phase), 0.3, 1.0)
+    assert np.isinf([field.azimuth_rad2, field.polar_rad2, field.azimuth_alone_rad2, field.polar_alone_rad2]).all()
+    assert np.isinf(np.diag(crb_focused(line, WAVELENGTH_M, 0.3, 1.0, 5.0, 1.0, phase)[0])).all()
+    east = crb_over(scatter_factor(line @ np.diag([1.0, 0.0, 0.0]), WAVELENGTH_M, 1.0, phase), 0.0, math.pi / 2)
+    assert np.isinf([east.azimuth_rad2, east.polar_rad2]).all()
 
 
 def test_no_motion_one_packet_and_the_poles() -> None:
@@ -79,6 +91,9 @@ def test_closed_forms_are_means_over_the_path(phase: Phase) -> None:
         np.testing.assert_allclose(closed.a, mean[:, 1, 1], rtol=1e-6, atol=1e-9 * size)
         np.testing.assert_allclose(closed.b, mean[:, 0, 0], rtol=1e-6, atol=1e-9 * size)
         np.testing.assert_allclose(closed.c, mean[:, 0, 1], rtol=1e-6, atol=1e-9 * size)
+    one_way = closed_forms.helix(radius, WAVELENGTH_M, AZIMUTH, POLAR, phase)
+    product = closed_forms.helix(radius, WAVELENGTH_M, AZIMUTH, POLAR, phase, round_trip=True)
+    np.testing.assert_allclose(product.determinant, 16 * one_way.determinant)
     determinant = closed_forms.line(length, along, WAVELENGTH_M, AZIMUTH, POLAR).determinant
     assert np.abs(determinant).max() < 1e-9 * size**2
 

@@ -205,7 +205,7 @@ def test_informativeness_on_the_sphere_needs_the_sine() -> None:
 
 
 def test_line_has_no_joint_bound() -> None:
-    """The paper's line 'quickly inflates'; it is singular for every source off its axes, so infinite, not large."""
+    """The paper's line 'quickly inflates'; it is singular for every source, so infinite, not large."""
     chi = _spherical(1.0, 0.4, 1.0) * np.linspace(0.0, 2.0, 100)[:, None]
     for theta, phi in SOURCES:
         assert crb(chi, WAVELENGTH_M, phi, theta, phase="known").great_circle_rad == math.inf

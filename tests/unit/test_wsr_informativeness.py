@@ -18,7 +18,7 @@ from wsr.crb.informativeness import (
     sphere_prior,
     spread,
 )
-from wsr.crb.sphere import scatter_factor
+from wsr.crb.sphere import crb_over, scatter_factor
 from wsr.geometry import direction, great_circle
 
 AZIMUTH, POLAR = 0.8, 1.1
@@ -78,6 +78,8 @@ def test_priors_are_weights_around_where_the_source_may_be() -> None:
     assert math.degrees(math.sqrt(near.weight @ distance**2)) == pytest.approx(15 * math.sqrt(2), rel=0.05)
     factor = scatter_factor(weave(200)[1], WAVELENGTH_M)
     assert spread(factor, near).worst_rad2 <= spread(factor, anywhere).worst_rad2
+    bounds = crb_over(factor, near.azimuth_rad, near.polar_rad).great_circle_rad2
+    assert spread(factor, near).mean_rad2 == pytest.approx(np.average(bounds, weights=near.weight))
 
 
 def test_a_planned_path_can_be_asked_before_it_is_flown() -> None:

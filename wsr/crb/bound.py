@@ -21,8 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Phase = Literal["known", "unknown"]
 
-# Two tangent directions count as independently measured when the smaller singular value is not float noise of the
-# larger one (1e-16 in double precision, 1e-7 for positions that were once float32).
+# A tangent direction counts as measured when its singular value is not float noise of the whole aperture (1e-16 in
+# double precision, 1e-7 for positions that were once float32). Of the whole aperture, not of the other direction's: a
+# line seen end-on measures neither, and its noise in one is as large as in the other.
 RANK_TOLERANCE = 1e-6
 
 Array = NDArray[np.float64]
@@ -56,8 +57,8 @@ def fim(
     `chi_m` (M, 3) in metres; `phase_variance_rad2` a scalar or (M,), of the product: s_f^2 / (2 |h_f|^2) +
     s_r^2 / (2 |h_r|^2). Without `round_trip` the channel is one-way and the scale 2 pi / lambda, as the paper has it.
     """
-    rows = _whitened(chi_m, wavelength_m, azimuth_rad, polar_rad, phase_variance_rad2, phase, round_trip)
-    rows = rows * np.array([math.sin(polar_rad), 1.0])
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
+    rows = whitened @ _tangent(azimuth_rad, polar_rad).T * np.array([math.sin(polar_rad), 1.0])
     return np.asarray(rows.T @ rows)
 
 
@@ -76,13 +77,15 @@ def crb(
     a finite bound only if its own axis has no part along that direction. So a straight aperture gives infinity but
     for the sources where one axis lies exactly across it.
     """
-    rows = _whitened(chi_m, wavelength_m, azimuth_rad, polar_rad, phase_variance_rad2, phase, round_trip)
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
+    rows = whitened @ _tangent(azimuth_rad, polar_rad).T
     values, axes = np.linalg.svd(rows, full_matrices=False)[1:]
     if rows.shape[0] < 2:
         values, axes = np.append(values, 0.0), np.vstack([axes, [-axes[0, 1], axes[0, 0]]])
-    if values[0] == 0.0:
+    noise = RANK_TOLERANCE * float(np.linalg.norm(whitened))
+    if values[0] <= noise:
         return Crb(math.inf, math.inf, 0.0, math.inf)
-    if values[1] > RANK_TOLERANCE * values[0]:
+    if values[1] > noise:
         tangent = (axes.T / values**2) @ axes
     else:
         tangent = np.outer(axes[0], axes[0]) / values[0] ** 2
@@ -92,25 +95,30 @@ def crb(
     return _from_tangent(tangent, math.sin(polar_rad))
 
 
-def _whitened(
+def whitened_positions(
     chi_m: Array,
     wavelength_m: float,
-    azimuth_rad: float,
-    polar_rad: float,
-    phase_variance_rad2: ArrayLike,
-    phase: Phase,
-    round_trip: bool,
+    phase_variance_rad2: ArrayLike = 1.0,
+    phase: Phase = "unknown",
+    round_trip: bool = True,
 ) -> Array:
-    """Rows (M, 2): change of phase per radian eastwards and polewards on the sphere, over the phase deviation."""
+    """Positions (M, 3) in radians of phase over the phase deviation, about their weighted mean if the phase is unknown.
+
+    Along a tangent direction of the sphere these are the rows of the Jacobian.
+    """
+    positions = np.asarray(chi_m, np.float64)
+    weights = 1.0 / np.broadcast_to(np.asarray(phase_variance_rad2, np.float64), positions.shape[:1])
+    if phase == "unknown":
+        positions = positions - weights @ positions / weights.sum()
+    wavenumber = (4.0 if round_trip else 2.0) * math.pi / wavelength_m
+    return np.asarray(positions * (wavenumber * np.sqrt(weights))[:, None])
+
+
+def _tangent(azimuth_rad: float, polar_rad: float) -> Array:
+    """Unit vectors (2, 3) eastwards and polewards on the sphere."""
     sin_p, cos_p = math.sin(azimuth_rad), math.cos(azimuth_rad)
     sin_t, cos_t = math.sin(polar_rad), math.cos(polar_rad)
-    tangent = np.array([[-sin_p, cos_p, 0.0], [cos_t * cos_p, cos_t * sin_p, -sin_t]])
-    wavenumber = (4.0 if round_trip else 2.0) * math.pi / wavelength_m
-    rows = wavenumber * (np.asarray(chi_m, np.float64) @ tangent.T)
-    weights = 1.0 / np.broadcast_to(np.asarray(phase_variance_rad2, np.float64), rows.shape[:1])
-    if phase == "unknown":
-        rows = rows - np.average(rows, axis=0, weights=weights)
-    return np.asarray(rows * np.sqrt(weights)[:, None])
+    return np.array([[-sin_p, cos_p, 0.0], [cos_t * cos_p, cos_t * sin_p, -sin_t]])
 
 
 def _from_tangent(tangent: Array, sin_t: float) -> Crb:

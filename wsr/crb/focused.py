@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wsr.crb.bound import RANK_TOLERANCE, Phase
+from wsr.crb.bound import RANK_TOLERANCE, Phase, whitened_positions
 
 _CHUNK_ROWS = 400_000
 
@@ -63,8 +63,10 @@ def crb_focused(
         chi_m, wavelength_m, azimuth_rad, polar_rad, range_m, phase_variance_rad2, phase, round_trip
     )
     size = np.sqrt(np.einsum("nii->ni", information))
-    # Waves from afar look flat to rounding; what curvature is left then is no information.
-    dead = size <= RANK_TOLERANCE * size.max(axis=1, keepdims=True)
+    # Waves from afar look flat to rounding; what curvature is left then is no information. Nor are the angles of a
+    # source at the end of a line.
+    whole = float(np.linalg.norm(whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)))
+    dead = size <= RANK_TOLERANCE * np.maximum(size.max(axis=1, keepdims=True), whole)
     scale = np.where(dead, 1.0, size)
     values, axes = np.linalg.eigh(information / (scale[:, :, None] * scale[:, None, :]))
     known = values > RANK_TOLERANCE**2 * np.maximum(values[:, -1:], 1e-300)

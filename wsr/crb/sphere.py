@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wsr.crb.bound import RANK_TOLERANCE, Phase
+from wsr.crb.bound import RANK_TOLERANCE, Phase, whitened_positions
 
 Array = NDArray[np.float64]
 
@@ -46,12 +46,7 @@ def scatter_factor(
 
     `phase_variance_rad2` is a scalar or (M,). `phase` and `round_trip` as in `wsr.crb.fim`.
     """
-    positions = np.asarray(chi_m, np.float64)
-    weights = 1.0 / np.broadcast_to(np.asarray(phase_variance_rad2, np.float64), positions.shape[:1])
-    if phase == "unknown":
-        positions = positions - weights @ positions / weights.sum()
-    wavenumber = (4.0 if round_trip else 2.0) * np.pi / wavelength_m
-    whitened = positions * (wavenumber * np.sqrt(weights))[:, None]
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
     factor = np.asarray(np.linalg.qr(whitened, mode="r"), np.float64)
     return np.vstack([factor, np.zeros((3 - factor.shape[0], 3))])
 
@@ -60,11 +55,12 @@ def crb_over(factor: Array, azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> Crb
     """The bounds of directions (N,), for a `scatter_factor`. Rank is judged as in `wsr.crb.crb`."""
     azimuth, polar = (np.atleast_1d(a).astype(np.float64) for a in np.broadcast_arrays(azimuth_rad, polar_rad))
     east, pole = _tangent_columns(factor, azimuth, polar)
-    var_east, var_pole, cross = _inverse(east, pole)
+    noise = RANK_TOLERANCE * float(np.linalg.norm(factor))
+    var_east, var_pole, cross = _inverse(east, pole, noise)
     sine = np.sin(polar)
     at_pole = sine < 1e-12
     safe = np.where(at_pole, 1.0, sine)
-    alone_east, alone_pole = (_alone(column, float(np.linalg.norm(factor, 2))) for column in (east, pole))
+    alone_east, alone_pole = (_alone(column, noise) for column in (east, pole))
     return CrbField(
         azimuth_rad2=np.where(at_pole, np.inf, var_east / safe**2),
         polar_rad2=var_pole,
@@ -91,23 +87,23 @@ def _tangent_columns(factor: Array, azimuth: Array, polar: Array) -> tuple[Array
     return east @ factor.T, pole @ factor.T
 
 
-def _alone(column: Array, size: float) -> Array:
-    """Inverse square of the lengths (N,), infinite where these are float noise of the whole aperture's."""
+def _alone(column: Array, noise: float) -> Array:
+    """Inverse square of the lengths (N,), infinite where these are no more than `noise`."""
     length = np.linalg.norm(column, axis=1)
-    seen = length > RANK_TOLERANCE * size
+    seen = length > noise
     return np.where(seen, 1.0 / np.where(seen, length, 1.0) ** 2, np.inf)
 
 
-def _inverse(a: Array, b: Array) -> tuple[Array, Array, Array]:
-    """Variances of both and covariance (N,): the inverse of the Gram matrix of columns a and b (N, 3)."""
+def _inverse(a: Array, b: Array, noise: float) -> tuple[Array, Array, Array]:
+    """Variances of both and covariance (N,): the inverse of the Gram matrix of columns a and b (N, 3), of which what is
+    no longer than `noise` measures nothing."""
     alpha, beta, gamma = (np.einsum("nk,nk->n", x, y) for x, y in ((a, a), (b, b), (a, b)))
     half = np.arctan2(2 * gamma, alpha - beta) / 2
     c, s = np.cos(half), np.sin(half)
     # Turned by `half` the columns are orthogonal, and their lengths are the singular values, the larger one first.
     first, second = (c[:, None] * a + s[:, None] * b), (c[:, None] * b - s[:, None] * a)
     large, small = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
-    dead = large == 0.0
-    blind = small <= RANK_TOLERANCE * large
+    dead, blind = large <= noise, small <= noise
     with np.errstate(divide="ignore", invalid="ignore"):
         seen, unseen = 1.0 / large**2, np.where(blind, 0.0, 1.0 / small**2)
         var_a = c**2 * seen + s**2 * unseen

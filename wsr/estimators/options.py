@@ -19,12 +19,14 @@ class RobustOptions:
     path_bins: bool = True
     """Equal weight for equal length of path."""
     unit_power: bool = True
-    """Every packet has the same power; off: bounded from above."""
+    """Every packet has the same power, so that fading does not shorten the aperture; off: as received."""
+    weak_below: float = 0.5
+    """Amplitudes below this share of the median's stay weak: their phase is mostly noise."""
     focus: bool = True
     """Spherical waves of an unknown range; off: flat ones."""
-    delay_ns: float | None = 10.0
+    delay_ns: float | None = 8.0
     """Decay of the weight for delays against the power centroid; None: no weight."""
-    scales: tuple[int, ...] = (1, 2, 4)
+    scales: tuple[int, ...] = (1, 2, 4, 8)
     """Numbers of sub-apertures whose scores are averaged; the first is 1, the whole."""
     reciprocity: bool = True
     """Drop packets whose two ends disagree."""
@@ -33,7 +35,7 @@ class RobustOptions:
     """Join the pieces of a broken chain of signs as they add up; off: add them in power."""
     drift: bool = True
     """Look for a linear phase over time, of a constant velocity error, where the path is spatial; `wsr.drift`."""
-    gate: bool = False
+    gate: bool = True
     """Drop packets that fit neither sign."""
     far_wavelengths: float = 1 / 3
     near_wavelengths: float = 1 / 12

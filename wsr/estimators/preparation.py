@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from wsr.turnaround import carrier_offset_hz, jitter_s
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Channel = TypeVar("Channel", NDArray[np.complex64], NDArray[np.complex128])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +83,20 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
 def _folded(aperture: Aperture) -> tuple[Complex, Array, Complex]:
     """As `fold`; without both directions the root of the product, which is then all there is."""
     if aperture.forward is not None and aperture.reverse is not None:
-        return fold(aperture.forward, aperture.reverse)
-    return np.sqrt(aperture.channel)[:, None], np.ones(aperture.packets), aperture.channel
+        return fold(_unit_mean(aperture.forward), _unit_mean(aperture.reverse))
+    centre = _unit_mean(aperture.channel)
+    return np.sqrt(centre)[:, None], np.ones(aperture.packets), centre
+
+
+def _unit_mean(channel: Channel) -> Channel:
+    """In units of its own mean amplitude: receivers differ in theirs."""
+    return cast(Channel, channel / np.abs(channel).mean(dtype=np.float64).astype(channel.real.dtype))
 
 
 def _product(aperture: Aperture) -> Complex:
     if aperture.forward is not None and aperture.reverse is not None:
-        return np.asarray(aperture.forward.astype(np.complex128) * aperture.reverse)
-    return aperture.channel[:, None]
+        return np.asarray(_unit_mean(aperture.forward).astype(np.complex128) * _unit_mean(aperture.reverse))
+    return _unit_mean(aperture.channel)[:, None]
 
 
 def _rotation(aperture: Aperture, centre: Complex, options: RobustOptions) -> tuple[Complex, float]:
@@ -107,4 +115,6 @@ def _levelled(channel: Complex, options: RobustOptions) -> Complex:
         return bounded_amplitude(channel)
     if not options.unit_power:
         return channel
-    return np.asarray(channel / np.sqrt((np.abs(channel) ** 2).mean(axis=1, keepdims=True) + 1e-12))
+    amplitude = np.sqrt((np.abs(channel) ** 2).mean(axis=1, keepdims=True))
+    weak = options.weak_below * float(np.median(amplitude))
+    return np.asarray(channel / np.maximum(amplitude, max(weak, 1e-12)))

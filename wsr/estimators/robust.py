@@ -15,14 +15,14 @@ from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
-from wsr.estimators.trust import Evidence, model_error_rad, reliability
+from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, refine, sphere_grid
 from wsr.geometry import direction, great_circle, wrap_angle
 from wsr.likelihood import matched, most_likely
 from wsr.peaks import Peak, find_peaks, mirrored
 from wsr.pictures import level_profile, look_profile, ring_peaks
 from wsr.profile import Profile
-from wsr.subapertures import SubApertures, sub_apertures
+from wsr.subapertures import SubApertures, score, sub_apertures
 from wsr.uncertainty import bound, phase_variance, time_correlation
 
 # A path in a plane this close to level is searched in azimuth only.
@@ -94,28 +94,54 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     grid = circle_grid(options.step_rad, options.planar_polars_rad) if level else sphere_grid(options.step_rad)
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
     seen = look(fused, grid, ranges_m, options.delay_ns)
-    at, nearest = np.unravel_index(int(np.argmax(seen.combined)), seen.combined.shape)
-    focus = refine(
-        fused,
-        (float(seen.azimuth_rad[at]), float(seen.polar_rad[at]), ranges_m[nearest]),
-        seen.peak,
-        options.step_rad,
-        wavelength_m / float(extents[0]),
-        Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds(),
-        options.delay_ns,
-        options.coherent_above,
-        options.refine_steps,
-    )
+    beam_rad = wavelength_m / float(extents[0])
+    bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
+    focus = _climbed(fused, seen, bounds, beam_rad, options)
     drift = None
-    if options.drift and not flat and _leaves_a_trend(fused, x, bins.segment, focus):
+    if options.drift and (level or not flat) and _leaves_a_trend(fused, x, bins.segment, focus):
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
-        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, wavelength_m / float(extents[0]))
+        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad, bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
         seen = look(fused, grid, ranges_m, options.delay_ns)
     if not level and focus.coherence > options.coherent_above:
         focus = most_likely(fused, x, bins.segment, focus, None if drift is None else drift.tau)
     return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])), drift)
+
+
+def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, options: RobustOptions) -> Focus:
+    """The best of the maxima above the highest cell of each range and, of all ranges, of the next best direction.
+
+    A coarse cell of the wrong range can be the highest, and its climb end on a side lobe. Maxima are compared by their
+    fused scores, or, once one of them adds up coherently, by coherence.
+    """
+    cells: dict[int, int] = {}
+    for r, at in enumerate(np.argmax(seen.combined, axis=0)):
+        best_r = cells.setdefault(int(at), r)
+        if seen.combined[at, r] > seen.combined[at, best_r]:
+            cells[int(at)] = r
+    found = []
+    for at, r in cells.items():
+        start = float(seen.azimuth_rad[at]), float(seen.polar_rad[at]), seen.ranges_m[r]
+        found.append(
+            refine(
+                fused, start, seen.peak, options.step_rad, beam_rad, bounds, options.delay_ns, options.coherent_above,
+                options.refine_steps,
+            )
+        )  # fmt: skip
+    best = max(found, key=lambda focus: focus.coherence)
+    if best.coherence > options.coherent_above:
+        return best
+    scores = [
+        float(
+            (
+                score(fused, direction(f.azimuth_rad, f.polar_rad)[None], (f.range_m,), options.delay_ns).score[:, 0, 0]
+                / seen.peak
+            ).mean()
+        )
+        for f in found
+    ]
+    return found[int(np.argmax(scores))]
 
 
 def _leaves_a_trend(parts: SubApertures, x: Array, segment: NDArray[np.int64], focus: Focus) -> bool:
@@ -136,7 +162,7 @@ def _described(
     focus, dimension = found.focus, aperture.dimension
     # Phase of each bin, over all subcarriers, that direction and range leave unexplained.
     residual = np.angle(matched(found.parts, found.x_m, prepared.bins.segment, focus))
-    unit = phase_variance(residual) * bound(
+    inverse = bound(
         found.x_m,
         prepared.wavelength_m,
         focus.azimuth_rad,
@@ -146,7 +172,8 @@ def _described(
         None if found.drift is None else found.drift.tau,
     )
     if dimension == 1:
-        unit = np.diag(np.full(3, math.inf))
+        inverse = np.diag(np.full(3, math.inf))
+    unit = phase_variance(residual) * inverse
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
         rival=peaks[1].relative_power if len(peaks) > 1 else 0.0,
@@ -157,6 +184,7 @@ def _described(
     image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
     inflation = time_correlation(residual)
     covariance = _covariance(unit, inflation, model_error_rad(evidence), focus.polar_rad)
+    covariance[2, 2] += range_error_m(evidence, len(residual) * float(inverse[2, 2])) ** 2
     azimuth_std, polar_std, range_std = (math.sqrt(v) for v in np.diag(covariance))
     # By the geometry and its noise. An answer that multipath makes vague is still one, with a deviation that says so.
     azimuth_bound, polar_bound = (math.sqrt(inflation * v) for v in np.diag(unit)[:2])
@@ -166,7 +194,8 @@ def _described(
         azimuth_ok &= abs(float(wrap_angle(best.azimuth_rad - image.azimuth_rad))) < _OBSERVABLE_RAD
         polar_ok &= abs(best.polar_rad - image.polar_rad) < _OBSERVABLE_RAD
     range_m = focus.range_m if focus.range_m is not None and focus.range_m < _FAR_M else None
-    range_ok = range_m is not None and range_std < _OBSERVABLE_RANGE_SHARE * range_m
+    # The curvature of the wavefront shows over the whole aperture only, and only if most of the power adds up over it.
+    range_ok = range_m is not None and range_std < _OBSERVABLE_RANGE_SHARE * range_m and focus.coherence > 0.5
     weights = prepared.bins.weights / prepared.bins.weights.sum()
     x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + weights @ aperture.chi_m)
     estimate = AoaEstimate(
