@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.analysis import LinkResult, RunResult
-from wsr.peaks import Peak
 
 Json = dict[str, object]
 
@@ -171,8 +170,20 @@ def _link_json(link: LinkResult) -> Json:
         "reference_time_s": found.reference_t_s,
         "range_m": found.range_m,
         "range_std_m": _number(found.range_std_m),
-        "alternatives": [_peak_json(peak) for peak in found.alternatives],
-        "paths": [_peak_json(peak) for peak in found.paths],
+        **{
+            name: [
+                {
+                    "azimuth_deg": math.degrees(peak.azimuth_rad),
+                    "polar_deg": math.degrees(peak.polar_rad),
+                    "power": peak.power,
+                    "relative_power": peak.relative_power,
+                    "prominence": peak.prominence,
+                    "width_deg": math.degrees(peak.width_rad),
+                }
+                for peak in peaks
+            ]
+            for name, peaks in (("alternatives", found.alternatives), ("paths", found.paths))
+        },
         "cone": None
         if found.cone is None
         else {
@@ -180,17 +191,6 @@ def _link_json(link: LinkResult) -> Json:
             "angle_deg": math.degrees(found.cone.angle_rad),
             "angle_std_deg": _number(math.degrees(found.cone.angle_std_rad)),
         },
-    }
-
-
-def _peak_json(peak: Peak) -> Json:
-    return {
-        "azimuth_deg": math.degrees(peak.azimuth_rad),
-        "elevation_deg": math.degrees(peak.polar_rad),
-        "power": peak.power,
-        "relative_power": peak.relative_power,
-        "prominence": peak.prominence,
-        "width_deg": math.degrees(peak.width_rad),
     }
 
 
