@@ -372,7 +372,11 @@ def _doubts(aperture: Aperture, estimate: AoaEstimate) -> Iterator[str]:
 def _unobservable_because(aperture: Aperture, estimate: AoaEstimate) -> str:
     if aperture.dimension == 1:
         length_m, width_m, _ = aperture.extents_m
-        return f"the path is straight, {length_m:.2f} m long and {width_m:.2f} m wide"
+        text = f"the path is straight, {length_m:.2f} m long and {width_m:.2f} m wide"
+        if estimate.cone is None:
+            return text
+        angle_deg, std_deg = math.degrees(estimate.cone.angle_rad), math.degrees(estimate.cone.angle_std_rad)
+        return f"{text}; the source is {angle_deg:.0f} deg (deviation {std_deg:.0f}) off its direction, on any side"
     # The mirror image of a planar aperture comes first among the alternatives.
     if aperture.dimension == 2 and estimate.alternatives:
         apart_rad = abs(float(wrap_angle(estimate.azimuth_rad - estimate.alternatives[0].azimuth_rad)))

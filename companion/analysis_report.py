@@ -198,6 +198,29 @@ def _link_json(link: LinkResult) -> Json:
         "extents_m": list(found.extents_m),
         "reference_m": list(found.reference_p_m),
         "reference_time_s": found.reference_t_s,
+        "range_m": found.range_m,
+        "range_std_m": _number(found.range_std_m),
+        **{
+            name: [
+                {
+                    "azimuth_deg": math.degrees(peak.azimuth_rad),
+                    "polar_deg": math.degrees(peak.polar_rad),
+                    "power": peak.power,
+                    "relative_power": peak.relative_power,
+                    "prominence": peak.prominence,
+                    "width_deg": math.degrees(peak.width_rad),
+                }
+                for peak in peaks
+            ]
+            for name, peaks in (("alternatives", found.alternatives), ("paths", found.paths))
+        },
+        "cone": None
+        if found.cone is None
+        else {
+            "axis": list(found.cone.axis),
+            "angle_deg": math.degrees(found.cone.angle_rad),
+            "angle_std_deg": _number(math.degrees(found.cone.angle_std_rad)),
+        },
     }
 
 

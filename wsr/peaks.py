@@ -27,7 +27,7 @@ class Peak:
 
     `prominence` is its height over the highest saddle to a higher peak, in units of `power`; `width_rad` the diameter
     of the region around it above half of its power. Both are 0 where nobody looked: a mirror image has those of what
-    it mirrors.
+    it mirrors. Of paths found by subtraction see `wsr.estimators.arrivals`.
     """
 
     azimuth_rad: float

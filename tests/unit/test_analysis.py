@@ -351,3 +351,15 @@ def test_lost_tracking_is_reported(cli: Cli) -> None:
     outcome = cli(DATA / "wsr_3d", "--run", "2021-03-03_212019", "--poses", "t265", "--no-pictures")
     assert outcome.code == 0
     assert "the tracker drifted or failed" in outcome.out
+
+
+def test_a_straight_path_gives_its_cone_and_other_directions_on_it(cli: Cli, run: RunFolder, tmp_path: Path) -> None:
+    rows = [f"{1_700_000_000 + n / 100:.6f},0,{1 + n / 500:.6f},-2,0.3\n" for n in range(400)]
+    run.trajectory.write_text("".join(rows))
+    outcome = cli(run.folder, "--no-pictures", "--json", "r.json")
+    assert "off its direction, on any side" in outcome.out
+    link = links(tmp_path / "r.json")["tx2"]
+    assert len(link["alternatives"]) >= 2
+    assert len(link["paths"]) >= 1
+    np.testing.assert_allclose(link["cone"]["axis"], [1, 0, 0], atol=1e-6)
+    assert link["cone"]["angle_std_deg"] > 0

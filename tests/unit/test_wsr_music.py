@@ -16,7 +16,9 @@ from wsr.aperture import Aperture, make_aperture
 from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
 from wsr.errors import ApertureError
 from wsr.estimators.far_field import FarField
-from wsr.estimators.music import Music, cut, source_number
+from wsr.estimators.music import Music
+from wsr.estimators.source_number import source_number
+from wsr.estimators.stretches import Stretch, cut
 from wsr.geometry import direction, great_circle
 from wsr.path_bins import Bins
 
@@ -27,9 +29,15 @@ _APART = (direction(0.5, math.pi / 2), direction(0.5 + math.radians(25), math.pi
 
 
 def _exchange(
-    p: Array, sources: tuple[Array, ...], seed: int = 0, snr_db: float = 20.0, offset_hz: float = 30_000.0
+    p: Array,
+    sources: tuple[Array, ...],
+    seed: int = 0,
+    snr_db: float = 20.0,
+    offset_hz: float = 30_000.0,
+    others: float = 1.0,
 ) -> Aperture:
-    """Sources of equal power at positions (1, 3), each further path 30 ns longer, as both cards would record them."""
+    """Sources at positions (1, 3), those after the first with the amplitude `others` and each a path 30 ns longer, as
+    both cards would record them."""
     rng = np.random.default_rng(seed)
     packets = len(p)
     field = np.zeros((packets, SUBCARRIERS_20MHZ.size), np.complex128)
@@ -37,7 +45,7 @@ def _exchange(
     for number, source in enumerate(sources):
         longer = np.linalg.norm(p - source, axis=1)[:, None] + number * _DELAY_M
         phase = 2 * np.pi * carrier_hz / SPEED_OF_LIGHT_M_S * longer
-        field += np.exp(-1j * (phase + rng.uniform(0, 2 * np.pi)))
+        field += (others if number else 1.0) * np.exp(-1j * (phase + rng.uniform(0, 2 * np.pi)))
     t_s = np.linspace(0.0, 3.0, packets)
     answer_s = t_s + 300e-6 + 5e-6 * rng.normal(size=packets)
     forward = _received(rng, field * np.exp(2j * np.pi * offset_hz * answer_s)[:, None], snr_db)
@@ -156,16 +164,73 @@ def test_level_circle_reports_the_upper_image_and_lists_the_lower() -> None:
 
 
 def test_errors_are_as_large_as_the_estimate_says() -> None:
-    """Both ways: few errors beyond three deviations, and deviations that are not simply large."""
+    """With poses that wander: few errors beyond three deviations, and deviations that are not simply large."""
     _, p = weave()
     u = np.array([0.6, 0.64, 0.48])
     ratios = []
     for seed in range(16):
-        estimate, _ = Music().estimate(_exchange(p, (far(p, u),), seed, snr_db=8.0))
+        wander = np.cumsum(np.random.default_rng(seed).normal(size=p.shape), axis=0)
+        wander *= 0.03 / np.sqrt(((wander - wander.mean(axis=0)) ** 2).sum(axis=1).mean())
+        aperture = _exchange(p, (far(p, u),), seed)
+        estimate, _ = Music().estimate(replace(aperture, chi_m=aperture.chi_m + wander - wander.mean(axis=0)))
         error = math.remainder(estimate.azimuth_rad - math.atan2(u[1], u[0]), math.tau)
         ratios.append(error / estimate.azimuth_std_rad)
     assert np.mean(np.abs(ratios) < 3) >= 0.9
     assert 0.2 < float(np.sqrt(np.mean(np.square(ratios)))) < 2.0
+
+
+def test_noise_alone_is_not_reliable() -> None:
+    _, p = weave()
+    rng = np.random.default_rng(4)
+    ahead, back = (rng.normal(size=(2, 600, 30)) + 1j * rng.normal(size=(2, 600, 30))).astype(np.complex64)
+    t = np.linspace(0.0, 3.0, 600)
+    estimate, _ = Music().estimate(
+        make_aperture(t, p, (ahead * back).mean(axis=1), WAVELENGTH_M, forward=ahead, reverse=back)
+    )
+    assert estimate.reliability < 0.2
+    assert estimate.azimuth_std_rad > math.radians(15)
+
+
+def test_packets_without_a_signal_are_dropped() -> None:
+    _, p = weave()
+    u = np.array([0.6, 0.64, 0.48])
+    aperture = _exchange(p, (far(p, u),))
+    silent = np.random.default_rng(5).random(600) < 0.5
+    assert aperture.forward is not None
+    assert aperture.reverse is not None
+    half = replace(
+        aperture,
+        channel=np.where(silent, 0, aperture.channel),
+        forward=np.where(silent[:, None], 0, aperture.forward),
+        reverse=np.where(silent[:, None], 0, aperture.reverse),
+    )
+    estimate, _ = Music().estimate(half)
+    assert _error_deg(estimate, u) < 1.0
+    assert estimate.dropped == {"no signal": int(silent.sum())}
+    none = replace(half, channel=np.where(np.arange(600) < 15, aperture.channel, 0), forward=None, reverse=None)
+    with pytest.raises(ApertureError, match="only 15 of 600 packets have a signal"):
+        Music().estimate(none)
+
+
+def test_what_comes_from_everywhere_is_no_path() -> None:
+    """Many weak echoes stand out of white noise, so that MDL counts up to its limit; none of them is a path."""
+    _, p = weave()
+    rng = np.random.default_rng(8)
+    u = np.array([0.6, 0.64, 0.48])
+    around = [direction(*angles) for angles in zip(rng.uniform(-3, 3, 10), rng.uniform(0.5, 2.5, 10), strict=True)]
+    aperture = _exchange(p, (far(p, u), *(far(p, v) for v in around)), others=0.2)
+    counted: list[int] = []
+
+    def counting(stretches: list[Stretch], largest: int) -> int:
+        counted.append(source_number(stretches, largest))
+        return counted[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wsr.estimators.music.source_number", counting)
+        estimate, _ = Music().estimate(aperture)
+    assert counted[-1] == 2
+    assert len(estimate.paths) == 1
+    assert _error_deg(estimate, u) < 5.0
 
 
 def test_without_subcarriers_the_product_gives_one_path() -> None:

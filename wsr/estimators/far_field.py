@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.aoa import AoaEstimate, describe, is_horizontal
+from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 from wsr.channel import bounded_amplitude
-from wsr.geometry import angles, direction, great_circle
+from wsr.estimators.description import describe, is_horizontal
+from wsr.geometry import angles, direction
 from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks, refine_peak
 from wsr.profile import Profile, bartlett_profile
 
@@ -29,8 +30,7 @@ class FarField:
         found = find_peaks(profile, 1 + self.alternatives, self.min_separation_rad)
         peaks = _refined(aperture, channel, found)
         best, mirror = _choose(aperture, channel, peaks[0])
-        rivals = _rivals(peaks, best, mirror, self.min_separation_rad)
-        return describe(aperture, channel, best, mirror, rivals), profile
+        return describe(aperture, channel, best, mirror, peaks), profile
 
 
 def _refined(aperture: Aperture, channel: NDArray[np.complex128], found: tuple[Peak, ...]) -> tuple[Peak, ...]:
@@ -62,13 +62,3 @@ def _choose(aperture: Aperture, channel: NDArray[np.complex128], peak: Peak) -> 
     if is_horizontal(normal) and image.polar_rad < peak.polar_rad:
         return replace(image, relative_power=1.0), replace(peak, relative_power=peak.power / image.power)
     return peak, image
-
-
-def _rivals(peaks: tuple[Peak, ...], best: Peak, mirror: Peak | None, min_separation_rad: float) -> tuple[Peak, ...]:
-    """The other peaks, without the reported one and its mirror image."""
-    taken = [direction(p.azimuth_rad, p.polar_rad) for p in (best, mirror) if p is not None]
-    return tuple(
-        peak
-        for peak in peaks
-        if all(great_circle(direction(peak.azimuth_rad, peak.polar_rad), u) >= min_separation_rad for u in taken)
-    )

@@ -33,8 +33,11 @@ neighbouring subcarriers:
     MDL(k) = sum_b [-N (p - k) log(geometric / arithmetic mean of the p - k smallest eigenvalues)
                      + k (2p - k) / 2 log N]
 
-MDL counts whatever stands out of white noise, and on recordings errors of the model do too. Over a bandwidth B, delays
-that spread over T leave 1 + B T dimensions; 17.5 MHz and the 60 ns of rooms make that two, which is the default limit.
+MDL counts whatever stands out of white noise, and on recordings errors of the model do too: there it is always at its
+limit. Over a bandwidth B, delays that spread over T leave 1 + B T dimensions; 17.5 MHz and the 60 ns of rooms make that
+two, which is the default limit. So whether what MDL counts are paths is asked again of plane waves fitted to the
+snapshots (`path_number`), and the spectrum is that of the paths confirmed. In the reliability a peak that is no path
+still counts as a rival.
 
 Without subcarriers there is one snapshot: E_b is that vector, one source is assumed, and what is left is the product
 of the stretches' Bartlett spectra, on the round-trip product, whose sign is known. The same where packets are so far
@@ -49,10 +52,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.aoa import AoaEstimate, describe, is_horizontal
-from wsr.aperture import Aperture
+from wsr.aoa import AoaEstimate
+from wsr.aperture import MIN_PACKETS, Aperture
 from wsr.channel import SUBCARRIERS_20MHZ, bounded_amplitude
 from wsr.errors import ApertureError
+from wsr.estimators.description import describe, is_horizontal
+from wsr.estimators.source_number import path_number, source_number
+from wsr.estimators.stretches import MIN_PLACES, Stretch, cut, likeness, path_powers, whole_coherence
+from wsr.estimators.trust import Evidence
 from wsr.geometry import angles, direction
 from wsr.kernel import bartlett_power
 from wsr.path_bins import Bins, path_bins
@@ -65,9 +72,8 @@ _K = SUBCARRIERS_20MHZ.astype(np.float64)
 _ALIGNMENT_STEPS = 10
 # A stretch that fits a direction better than this tells of its few snapshots, not of the direction.
 _FLOOR = 0.01
-# From so many on, stretches overlap less, down to not at all, to save time.
-_MANY_STRETCHES = 32
-_MIN_PLACES = 4
+# A packet of less than this share of the strongest one's power has no signal: 90 dB are more than any radio spans.
+_SILENT = 1e-9
 # Directions whose steering vectors agree so far are one to this aperture: mirror images, or a cone's.
 _SAME = 0.9
 _REFINEMENT_RAD = tuple(math.radians(step) for step in (0.5, 0.5, 0.25, 0.25, 0.1, 0.1, 0.05, 0.02))
@@ -79,17 +85,6 @@ _PARABOLA = np.linalg.pinv(np.stack([np.ones(9), _X, _Y, _X * _X, _X * _Y, _Y * 
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
-    """p_waves (p, 3) places in wavelengths of the phase; snapshots (p, S); of their covariance the eigenvalues (p,),
-    largest first, and the eigenvectors (p, p) as columns."""
-
-    p_waves: Array
-    snapshots: Complex
-    eigenvalues: Array
-    eigenvectors: Complex
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,21 +102,37 @@ class Music:
 
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and the spectrum it was read from, scaled to the power of the reported peak."""
-        aperture, turn = _without_turnaround_jitter(aperture)
+        given = aperture.packets
+        aperture, turn = _without_turnaround_jitter(_heard(aperture))
         has_subcarriers = aperture.forward is not None and aperture.forward.shape[1] == _K.size
         found = self._from_subcarriers(aperture, turn) if has_subcarriers else None
         bins, stretches, sources = found or self._from_centre(aperture)
+        wave_m = aperture.wavelength_m if found else aperture.wavelength_m / 2
         distance = mean_log_distance(stretches, sources)
         peaks = self._peaks(stretches, sources, distance)
+        rival = peaks[1].relative_power if len(peaks) > 1 else 0.0
+        paths = path_number(stretches, _directions(peaks))
+        if paths < sources:
+            sources = paths
+            distance = mean_log_distance(stretches, sources)
+            peaks = self._peaks(stretches, sources, distance)
         best, mirror = _choose(aperture, peaks[0])
+        u = direction(best.azimuth_rad, best.polar_rad)
+        evidence = Evidence(
+            coherence=math.sqrt(min(whole_coherence(bins, u, wave_m), 1.0)),
+            rival=rival,
+            packets=aperture.packets,
+            length_wavelengths=aperture.extents_m[0] / wave_m,
+        )
         channel = bounded_amplitude(aperture.channel)
-        estimate = describe(aperture, channel, best, mirror, peaks[1:])
+        estimate = describe(aperture, channel, best, mirror, peaks[1:], evidence)
         power = best.power * np.exp(distance.min() - distance)
         reference_p_m, reference_t_s = _reference(aperture, bins)
         return replace(
             _with_scatter(estimate, stretches, sources),
             reference_p_m=reference_p_m,
             reference_t_s=reference_t_s,
+            dropped={"no signal": given - aperture.packets} if aperture.packets < given else {},
         ), Profile(power.astype(np.float32), AZIMUTH_RAD, POLAR_RAD)
 
     def _from_subcarriers(self, aperture: Aperture, turn: Complex) -> tuple[Bins, list[Stretch], int] | None:
@@ -133,7 +144,7 @@ class Music:
         for rank in range(1, self.max_sources + 1):
             # Each time from the start: what was fitted to fewer responses is a bad place to fit more from.
             bins = path_bins(aperture.chi_m, aligned(field, rank, keep), keep, segment, self.bin_wavelengths * wave)
-            if np.bincount(bins.segment).max() < _MIN_PLACES:
+            if np.bincount(bins.segment).max() < MIN_PLACES:
                 return None
             stretches = cut(bins, self.elements, wave)
             sources = source_number(stretches, self.max_sources)
@@ -202,58 +213,6 @@ def aligned(field: Complex, rank: int, keep: NDArray[np.bool_]) -> Complex:
     return field
 
 
-def cut(bins: Bins, elements: int, wave_m: float) -> list[Stretch]:
-    """Stretches of `elements` places, each half over the next; fewer only where the path has no more.
-
-    A stretch never spans two segments, whose signs do not belong together. Raises ApertureError where no segment has
-    at least 4 places.
-    """
-    total = len(bins.counts)
-    step = min(max(elements // 2, math.ceil(total / _MANY_STRETCHES)), elements)
-    stretches = []
-    for number in np.unique(bins.segment):
-        members = np.flatnonzero(bins.segment == number)
-        size = min(elements, len(members))
-        if size < _MIN_PLACES:
-            continue
-        count = 1 + math.ceil((len(members) - size) / step)
-        for start in np.linspace(0, len(members) - size, count).round().astype(np.int64):
-            stretches.append(_stretch(bins, members[start : start + size], wave_m))
-    if not stretches:
-        raise ApertureError(
-            f"aperture has {total} places in {len(np.unique(bins.segment))} pieces between jumps; "
-            f"needs a piece of at least {_MIN_PLACES}"
-        )
-    return stretches
-
-
-def source_number(stretches: list[Stretch], largest: int) -> int:
-    """Number of sources, 1..largest, of least MDL over all stretches; see the module's text.
-
-    At least one, since the question here is where a signal comes from and not whether there is one. The signal
-    subspace stays below half of the dimension of every stretch.
-    """
-    largest = max(1, min(largest, *(s.eigenvalues.size // 2 for s in stretches)))
-    snapshots = effective_snapshots(stretches, largest)
-    length = np.zeros(largest + 1)
-    for stretch in stretches:
-        for count in range(largest + 1):
-            length[count] += _description_length(stretch.eigenvalues, count, snapshots)
-    return 1 + int(np.argmin(length[1:]))
-
-
-def effective_snapshots(stretches: list[Stretch], largest: int) -> float:
-    """S (1 - r) / (1 + r), with r the correlation over subcarriers of what lies outside the `largest` dimensions."""
-    together, power = 0.0, 0.0
-    for stretch in stretches:
-        noise = stretch.eigenvectors[:, largest:]
-        left = noise.conj().T @ stretch.snapshots
-        together += float(np.real(np.vdot(left[:, :-1], left[:, 1:])))
-        power += float(np.real(np.vdot(left, left)))
-    r = min(max(together / power, 0.0), 0.95) if power > 0.0 else 0.0
-    return max(2.0, float(stretches[0].snapshots.shape[1]) * (1 - r) / (1 + r))
-
-
 def mean_log_distance(stretches: list[Stretch], sources: int) -> Array:
     """Mean over stretches of log(d_b(u) + floor) on the one-degree grid (180, 360)."""
     total = np.zeros((POLAR_RAD.size, AZIMUTH_RAD.size))
@@ -284,24 +243,26 @@ def refined(stretches: list[Stretch], sources: int, u: Array) -> Array:
     return u
 
 
-def likeness(stretches: list[Stretch], u: Array, v: Array) -> float:
-    """|a(u)^H a(v)|^2 / p^2, mean over stretches: 1 where the aperture cannot tell u and v."""
-    return float(np.mean([abs(np.exp(2j * np.pi * (s.p_waves @ (u - v))).mean()) ** 2 for s in stretches]))
-
-
-def path_powers(stretches: list[Stretch], directions: Array) -> Array:
-    """Share (n,) of the energy that each of the directions (n, 3) has when all are fitted together, by least squares
-    within each stretch and subcarrier. One path alone, coherent in every stretch, has 1."""
-    power = np.zeros(len(directions))
-    total = 0.0
-    for stretch in stretches:
-        steering = np.exp(2j * np.pi * (stretch.p_waves @ directions.T))
-        amplitude = np.linalg.lstsq(steering, stretch.snapshots, rcond=1e-3)[0]
-        energy = float(np.real(np.vdot(stretch.snapshots, stretch.snapshots)))
-        power += len(steering) * (np.abs(amplitude) ** 2).sum(axis=1) / energy
-        total += 1.0
-    # Paths that hardly differ in a stretch get more than there is, in opposite phase.
-    return np.asarray(power / max(total, float(power.sum())))
+def _heard(aperture: Aperture) -> Aperture:
+    """The packets that have a signal at both ends; of the others the phase is the noise's. Raises ApertureError."""
+    power = np.abs(aperture.channel)
+    if aperture.forward is not None and aperture.reverse is not None:
+        power = np.linalg.norm(aperture.forward, axis=1) * np.linalg.norm(aperture.reverse, axis=1)
+    heard = power > _SILENT * float(power.max())
+    count = int(np.count_nonzero(heard))
+    if count == aperture.packets:
+        return aperture
+    if count < MIN_PACKETS:
+        raise ApertureError(f"only {count} of {aperture.packets} packets have a signal; needs at least {MIN_PACKETS}")
+    return replace(
+        aperture,
+        t_s=aperture.t_s[heard],
+        chi_m=aperture.chi_m[heard],
+        channel=aperture.channel[heard],
+        forward=None if aperture.forward is None else aperture.forward[heard],
+        reverse=None if aperture.reverse is None else aperture.reverse[heard],
+        nic_us=None if aperture.nic_us is None else aperture.nic_us[heard],
+    )
 
 
 def _without_turnaround_jitter(aperture: Aperture) -> tuple[Aperture, Complex]:
@@ -314,20 +275,6 @@ def _without_turnaround_jitter(aperture: Aperture) -> tuple[Aperture, Complex]:
     return replace(aperture, channel=aperture.channel * half**2), half
 
 
-def _stretch(bins: Bins, members: NDArray[np.int64], wave_m: float) -> Stretch:
-    p_waves = bins.p_m[members] / wave_m
-    snapshots = bins.channel[members]
-    values, vectors = np.linalg.eigh(snapshots @ snapshots.conj().T / snapshots.shape[1])
-    return Stretch(p_waves - p_waves.mean(axis=0), snapshots, np.maximum(values[::-1], 0.0), vectors[:, ::-1])
-
-
-def _description_length(eigenvalues: Array, count: int, snapshots: float) -> float:
-    p = eigenvalues.size
-    rest = np.maximum(eigenvalues[count:], 1e-12 * max(float(eigenvalues[0]), 1e-300))
-    ratio = float(np.mean(np.log(rest)) - math.log(float(np.mean(rest))))
-    return -snapshots * (p - count) * ratio + 0.5 * count * (2 * p - count) * math.log(snapshots)
-
-
 def _distances(stretches: list[Stretch], sources: int, directions: Array) -> Array:
     """log(d_b + floor) (B, n) of each stretch at directions (n, 3)."""
     result = np.empty((len(stretches), len(directions)))
@@ -336,6 +283,11 @@ def _distances(stretches: list[Stretch], sources: int, directions: Array) -> Arr
         share = (np.abs(stretch.eigenvectors[:, :sources].conj().T @ steering) ** 2).sum(axis=0) / len(steering)
         row[:] = np.log(np.maximum(1.0 - share, 0.0) + _FLOOR)
     return result
+
+
+def _directions(peaks: tuple[Peak, ...]) -> Array:
+    """Unit vectors (n, 3)."""
+    return direction([peak.azimuth_rad for peak in peaks], [peak.polar_rad for peak in peaks])
 
 
 def _choose(aperture: Aperture, peak: Peak) -> tuple[Peak, Peak | None]:

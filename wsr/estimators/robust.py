@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from wsr.aoa import AoaEstimate, Matrix3
 from wsr.aperture import Aperture
 from wsr.drift import Drift, find_drift, turned
+from wsr.estimators.arrivals import arrivals
+from wsr.estimators.cone import on_cone
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
@@ -72,7 +74,7 @@ class Robust:
         else:
             profile = look_profile(found.look)
             paths = find_peaks(profile, _PATHS)
-        return _described(aperture, prepared, found, paths), profile
+        return _described(aperture, prepared, found, paths, self.options), profile
 
 
 def find(prepared: Prepared, options: RobustOptions) -> Found:
@@ -154,7 +156,9 @@ def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
     return float(seen.azimuth_rad[at]), float(seen.polar_rad[at])
 
 
-def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tuple[Peak, ...]) -> AoaEstimate:
+def _described(
+    aperture: Aperture, prepared: Prepared, found: Found, peaks: tuple[Peak, ...], options: RobustOptions
+) -> AoaEstimate:
     focus, dimension = found.focus, aperture.dimension
     # Phase of each bin, over all subcarriers, that direction and range leave unexplained.
     residual = np.angle(matched(found.parts, found.x_m, prepared.bins.segment, focus))
@@ -172,11 +176,11 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
     unit = phase_variance(residual) * inverse
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
-        rival=paths[1].relative_power if len(paths) > 1 else 0.0,
+        rival=peaks[1].relative_power if len(peaks) > 1 else 0.0,
         packets=aperture.packets,
         length_wavelengths=found.extents_m[0] / prepared.wavelength_m,
     )
-    best = _reported(focus, paths)
+    best = _reported(focus, peaks)
     image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
     inflation = time_correlation(residual)
     covariance = _covariance(unit, inflation, model_error_rad(evidence), focus.polar_rad)
@@ -194,7 +198,7 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
     range_ok = range_m is not None and range_std < _OBSERVABLE_RANGE_SHARE * range_m and focus.coherence > 0.5
     weights = prepared.bins.weights / prepared.bins.weights.sum()
     x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + weights @ aperture.chi_m)
-    return AoaEstimate(
+    estimate = AoaEstimate(
         azimuth_rad=best.azimuth_rad,
         polar_rad=best.polar_rad,
         azimuth_std_rad=azimuth_std,
@@ -214,10 +218,14 @@ def _described(aperture: Aperture, prepared: Prepared, found: Found, paths: tupl
         range_m=range_m if range_ok else None,
         range_std_m=range_std,
         range_observable=range_ok,
-        paths=(best, *(p for p in paths[1:])),
+        paths=arrivals(aperture, prepared, options, found.parts, found.x_m, focus, found.level, best, _PATHS),
         dropped=prepared.dropped,
         drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
+    if dimension > 1:
+        return estimate
+    noise = phase_variance(residual) * inflation
+    return on_cone(estimate, aperture, found.x_m, noise, prepared.wavelength_m, model_error_rad(evidence))
 
 
 def _reported(focus: Focus, paths: tuple[Peak, ...]) -> Peak:
