@@ -24,6 +24,7 @@ _STEPS = 10
 _REACH_RAD = math.radians(3.0)
 _REACH_RANGE = 3.0
 _MAX_RANGE_STEP = 0.3
+_MOST_OF_MEDIAN = 4.0
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -47,10 +48,21 @@ def matched(parts: SubApertures, x_m: Array, segment: NDArray[np.int64], focus: 
 
 
 def most_likely(
-    parts: SubApertures, x_m: Array, segment: NDArray[np.int64], focus: Focus, nuisance: Array | None = None
+    parts: SubApertures,
+    x_m: Array,
+    segment: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    focus: Focus,
+    nuisance: Array | None = None,
 ) -> Focus:
     """The focus moved to the maximum next to it; `nuisance` (B,): beside a phase of this form and any size. As it is
-    where the way there leads too far, or not up: geometry then does not determine all that is sought."""
+    where the way there leads too far, or not up: geometry then does not determine all that is sought.
+
+    Bins count by their packets (`counts`, (B,)), as white noise has it, but none more than a few times the usual: where
+    a robot stood, noise is not what limits.
+    """
+    share = np.minimum(counts, _MOST_OF_MEDIAN * np.median(counts))
+    parts = replace(parts, h=parts.h * (share / share.mean()).astype(np.float32))
     azimuth, polar, range_m = focus.azimuth_rad, focus.polar_rad, focus.range_m
     power = float(matched(parts, x_m, segment, focus).real.sum())
     for _ in range(_STEPS):

@@ -105,7 +105,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
         seen = look(fused, grid, ranges_m, options.delay_ns)
     if not level and focus.coherence > options.coherent_above:
-        focus = most_likely(fused, x, bins.segment, focus, None if drift is None else drift.tau)
+        focus = most_likely(fused, x, bins.segment, bins.counts, focus, None if drift is None else drift.tau)
     return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])), drift)
 
 
