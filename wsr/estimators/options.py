@@ -35,7 +35,7 @@ class RobustOptions:
     """Join the pieces of a broken chain of signs as they add up; off: add them in power."""
     drift: bool = True
     """Look for a linear phase over time, of a constant velocity error, where the path is spatial; `wsr.drift`."""
-    gate: bool = True
+    gate: bool = False
     """Drop packets that fit neither sign."""
     far_wavelengths: float = 1 / 3
     near_wavelengths: float = 1 / 12

@@ -13,6 +13,7 @@ from wsr.aperture import Aperture
 from wsr.drift import Drift, find_drift, turned
 from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
+from wsr.estimators.description import without_image
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
@@ -174,14 +175,15 @@ def _described(
     if dimension == 1:
         inverse = np.diag(np.full(3, math.inf))
     unit = phase_variance(residual) * inverse
+    best = _reported(focus, peaks)
+    image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
+    rivals = without_image(peaks[1:], best, image)
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
-        rival=peaks[1].relative_power if len(peaks) > 1 else 0.0,
+        rival=rivals[0].relative_power if rivals else 0.0,
         packets=aperture.packets,
         length_wavelengths=found.extents_m[0] / prepared.wavelength_m,
     )
-    best = _reported(focus, peaks)
-    image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
     inflation = time_correlation(residual)
     covariance = _covariance(unit, inflation, model_error_rad(evidence), focus.polar_rad)
     covariance[2, 2] += range_error_m(evidence, len(residual) * float(inverse[2, 2])) ** 2
