@@ -28,7 +28,7 @@ ROWS: Mapping[str, RobustOptions] = {
     "channel centre only": replace(DEFAULT, wideband=False),
     "product, centre only": replace(DEFAULT, one_way=False, wideband=False),
     "no reciprocity test": replace(DEFAULT, reciprocity=False),
-    "packets of neither sign kept": replace(DEFAULT, gate=False),
+    "packets of neither sign dropped": replace(DEFAULT, gate=True),
     "power as measured": replace(DEFAULT, unit_power=False),
     "weak packets raised too": replace(DEFAULT, weak_below=0.0),
     "no bins of the path": replace(DEFAULT, path_bins=False),

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from wsr.aperture import Aperture
 from wsr.estimators.options import RobustOptions
-from wsr.estimators.preparation import Prepared
+from wsr.estimators.preparation import Prepared, counted_amplitude, packet_amplitude
 from wsr.focus import Focus, circle_grid, sphere_grid
 from wsr.geometry import angles, direction, great_circle, wrap_angle
 from wsr.peaks import MIN_SEPARATION_RAD, Peak
@@ -100,16 +100,14 @@ def arrivals(
 
 
 def _loudness(aperture: Aperture, prepared: Prepared, options: RobustOptions) -> Array:
-    """Amplitude (B,) of each bin where its packets were brought to the same power, as one-way channels are by the fold
-    of both directions, else 1."""
-    ahead, back = aperture.forward, aperture.reverse
-    levelled = options.one_way or options.unit_power
-    if ahead is None or back is None or not levelled or prepared.bins.channel.shape[1] == 1:
+    """Factor (B,) that gives each bin the amplitude its packets came with, instead of the one they count with."""
+    if prepared.bins.channel.shape[1] == 1:
         return np.ones(len(prepared.bins.counts))
-    amplitude = np.sqrt(np.linalg.norm(ahead, axis=1).astype(np.float64) * np.linalg.norm(back, axis=1))
-    amplitude /= max(float(np.median(amplitude[prepared.bins.weights > 0])), 1e-300)
+    amplitude = packet_amplitude(aperture)
+    counted = prepared.bins.means(counted_amplitude(amplitude, options))
     amplitude = np.minimum(amplitude, _LOUDEST)
-    return prepared.bins.means(amplitude if options.one_way else amplitude**2)
+    came = prepared.bins.means(amplitude if options.one_way else amplitude**2)
+    return np.asarray(came / np.maximum(counted, 1e-12))
 
 
 def _joined(parts: SubApertures, steering: Complex, segment: NDArray[np.int64]) -> Complex:

@@ -62,7 +62,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         wavelength_m = wavelength_m / 2
     if not options.wideband:
         channel = channel.mean(axis=1, keepdims=True)
-    channel = _levelled(channel, _amplitude(aperture), options)
+    channel = _levelled(channel, packet_amplitude(aperture), options)
     if np.count_nonzero(keep) < MIN_PACKETS:
         kept = f"{np.count_nonzero(keep)} of {aperture.packets} packets are consistent"
         raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
@@ -110,7 +110,7 @@ def _rotation(aperture: Aperture, centre: Complex, options: RobustOptions) -> tu
     return np.exp(2j * np.pi * offset_hz * late_s), offset_hz
 
 
-def _amplitude(aperture: Aperture) -> Array:
+def packet_amplitude(aperture: Aperture) -> Array:
     """Amplitude (M,) of the one-way channel over that of the median packet."""
     if aperture.forward is not None and aperture.reverse is not None:
         power = [(np.abs(_unit_mean(ends)) ** 2).mean(axis=1) for ends in (aperture.forward, aperture.reverse)]
@@ -120,11 +120,15 @@ def _amplitude(aperture: Aperture) -> Array:
     return np.asarray(amplitude / max(float(np.median(amplitude)), 1e-12), np.float64)
 
 
+def counted_amplitude(amplitude: Array, options: RobustOptions) -> Array:
+    """What packets of such amplitudes (M,) count with: the same, but for weak ones; or as received."""
+    return np.minimum(amplitude / max(options.weak_below, 1e-12), 1.0) if options.unit_power else amplitude
+
+
 def _levelled(channel: Complex, amplitude: Array, options: RobustOptions) -> Complex:
-    """Every packet's channel (M, S) with the power it is to count with."""
+    """Every packet's channel (M, S) with the amplitude it is to count with."""
     if channel.shape[1] == 1:
         level = bounded_amplitude(channel)
     else:
         level = channel / np.maximum(np.sqrt((np.abs(channel) ** 2).mean(axis=1, keepdims=True)), 1e-12)
-    counts = np.minimum(amplitude / max(options.weak_below, 1e-12), 1.0) if options.unit_power else amplitude
-    return np.asarray(level * counts[:, None])
+    return np.asarray(level * counted_amplitude(amplitude, options)[:, None])

@@ -177,7 +177,7 @@ def _described(
     unit = phase_variance(residual) * inverse
     best = _reported(focus, peaks)
     image = mirrored(best, aperture.principal_axes[2]) if dimension == 2 else None
-    rivals = without_image(peaks[1:], best, image)
+    rivals = peaks[1:] if image is None else without_image(peaks[1:], image, None)
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
         rival=rivals[0].relative_power if rivals else 0.0,
