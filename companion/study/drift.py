@@ -196,7 +196,7 @@ def _bias(rows: Sequence[DriftRow]) -> str:
         parts.append(f"{method} {in_space} and {in_plane} deg")
     return (
         "Under velocity bias, medians over all ATE, great circle on both paths in space and phi on the circle: "
-        f"{', '.join(parts)}. In a plane robust does not look for a linear phase."
+        f"{', '.join(parts)}."
     )
 
 
