@@ -27,8 +27,8 @@ def check_writable(file: Path | None, folder: Path | None = None) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """An OSError inside becomes a CompanionError that names `path`."""
+    """An OSError inside becomes a CompanionError that names the file it is of, or `path`."""
     try:
         yield
     except OSError as error:
-        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None
+        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from companion.config import Config
 from companion.config_file import load_config
 from companion.errors import CompanionError, ConfigError
 from companion.log_reader import Session, open_session
+from companion.output_files import writing
 from companion.progress import tracked_bytes, working
 from companion.replay.check import StreamCheck, check
 from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
@@ -127,16 +126,16 @@ def _conclude(
         rows = _compare(session, config, result, console)
         content["comparison"] = [asdict(row) for row in rows]
     if out is not None:
-        with _writing(out):
+        with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             write_log(out / "replay.mcap", session, config, result)
         if rows:
             from companion.replay.plot import draw_comparison
 
-            with _writing(out / "comparison.png"):
+            with writing(out / "comparison.png"):
                 draw_comparison(out / "comparison.png", rows, session.paths[0].name, str(other))
     if json_path is not None:
-        with _writing(json_path):
+        with writing(json_path):
             json_path.write_text(json.dumps(content, indent=2, default=str) + "\n")
     if failed:
         raise CompanionError(failed)
@@ -205,7 +204,7 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
     for line in problem_lines(result):
         console.print(f"  ! {line}", markup=False, highlight=False, soft_wrap=True)
     if json_path is not None:
-        with _writing(json_path):
+        with writing(json_path):
             json_path.write_text(json.dumps(as_json([result]), indent=2, allow_nan=False) + "\n")
     if out is not None:
         from companion.commands.analyze import draw
@@ -213,14 +212,6 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
         draw(result, out)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
 
 
 def _why_not(row: BearingRow) -> str:

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
 from companion.errors import CompanionError
+from companion.output_files import check_writable, writing
 from companion.study.catalogue import MODULES
 from companion.study.catalogue import study as load_study
 from companion.study.local import ProcessRunner
@@ -69,9 +70,7 @@ def study(
     if not console.is_terminal:
         console = Console(width=_PIPE_COLUMNS)
     # A study may take an hour: what would lose its results is said before.
-    _written(_try_writing, out / f"{name}.png" if name != ALL else out / _PAGE)
-    if json_path is not None:
-        _written(_try_writing, json_path)
+    check_writable(json_path, out)
     done = _Done(name, out, json_path)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
     with _runner(cluster, jobs) as runner:
@@ -117,7 +116,8 @@ class _Done:
 
     def add(self, study: Study[Any, Any], outcome: Outcome) -> None:
         picture = self.out / f"{study.name}.png"
-        _written(draw, picture, study, outcome)
+        with writing(picture):
+            draw(picture, study, outcome)
         self.outcomes.append(outcome)
         self.pictures[study.name] = picture
         self._write()
@@ -138,9 +138,11 @@ class _Done:
         if not self.outcomes:
             return
         if self.name == ALL:
-            _written(write_page, self.out / _PAGE, self.outcomes, self.pictures, self.missing)
+            with writing(self.out / _PAGE):
+                write_page(self.out / _PAGE, self.outcomes, self.pictures, self.missing)
         if self.json_path is not None:
-            _written(write_json, self.json_path, self.outcomes if self.name == ALL else self.outcomes[0])
+            with writing(self.json_path):
+                write_json(self.json_path, self.outcomes if self.name == ALL else self.outcomes[0])
 
 
 def _runner(cluster: str | None, jobs: int) -> Any:
@@ -172,19 +174,3 @@ def _print(outcome: Outcome, runner: Runner, console: Console) -> None:
     for note in outcome.notes:
         console.print(f"  {note}", markup=False, highlight=False)
     console.print(f"  seed {outcome.seed}; {runner.name}", markup=False, highlight=False)
-
-
-def _try_writing(path: Path) -> None:
-    """Makes the folder, and leaves the file as it was. Raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    there = path.exists()
-    path.open("ab").close()
-    if not there:
-        path.unlink()
-
-
-def _written(write: Any, path: Path, *arguments: Any) -> None:
-    try:
-        write(path, *arguments)
-    except OSError as error:
-        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None

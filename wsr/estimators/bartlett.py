@@ -46,7 +46,6 @@ class Bartlett:
         evidence = Evidence(
             coherence=math.sqrt(min(best.power, 1.0)),
             rival=_astray((best, *rivals)),
-            packets=aperture.packets,
             length_wavelengths=2 * aperture.extents_m[0] / aperture.wavelength_m,
         )
         estimate = describe(aperture, channel, best, image, rivals, evidence)

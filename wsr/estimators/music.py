@@ -121,7 +121,6 @@ class Music:
         evidence = Evidence(
             coherence=math.sqrt(min(whole_coherence(bins, u, wave_m), 1.0)),
             rival=rival,
-            packets=aperture.packets,
             length_wavelengths=aperture.extents_m[0] / wave_m,
         )
         channel = bounded_amplitude(aperture.channel)

@@ -111,7 +111,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
 
 
 def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, options: RobustOptions) -> Focus:
-    """The best of the maxima above the highest cell of each range and, of all ranges, of the next best direction.
+    """The best of the maxima above the highest cell of each range.
 
     A coarse cell of the wrong range can be the highest, and its climb end on a side lobe. Maxima are compared by their
     fused scores, or, once one of them adds up coherently, by coherence.
@@ -133,16 +133,12 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, o
     best = max(found, key=lambda focus: focus.coherence)
     if best.coherence > options.coherent_above:
         return best
-    scores = [
-        float(
-            (
-                score(fused, direction(f.azimuth_rad, f.polar_rad)[None], (f.range_m,), options.delay_ns).score[:, 0, 0]
-                / seen.peak
-            ).mean()
-        )
-        for f in found
-    ]
-    return found[int(np.argmax(scores))]
+
+    def fused_score(focus: Focus) -> float:
+        u = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
+        return float((score(fused, u, (focus.range_m,), options.delay_ns).score[:, 0, 0] / seen.peak).mean())
+
+    return max(found, key=fused_score)
 
 
 def _leaves_a_trend(parts: SubApertures, x: Array, segment: NDArray[np.int64], focus: Focus) -> bool:
@@ -181,7 +177,6 @@ def _described(
     evidence = Evidence(
         coherence=math.sqrt(min(focus.coherence, 1.0)),
         rival=rivals[0].relative_power if rivals else 0.0,
-        packets=aperture.packets,
         length_wavelengths=found.extents_m[0] / prepared.wavelength_m,
     )
     inflation = time_correlation(residual)

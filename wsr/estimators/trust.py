@@ -18,12 +18,11 @@ _LEAST_POWER = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """coherence sqrt(F) at the peak; rival, the highest other score relative to it; number of packets; longest extent
-    in wavelengths of the phase."""
+    """coherence sqrt(F) at the peak; rival, the highest other score relative to it; longest extent in wavelengths of
+    the phase."""
 
     coherence: float
     rival: float
-    packets: int
     length_wavelengths: float
 
 
