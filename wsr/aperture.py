@@ -110,8 +110,9 @@ class Aperture:
     @property
     def extents_m(self) -> tuple[float, float, float]:
         """Lengths of the aperture along its principal axes, longest first, in metres."""
-        extents = np.sort(np.ptp(self.chi_m @ self.principal_axes.T, axis=0))[::-1]
-        return float(extents[0]), float(extents[1]), float(extents[2])
+        along = self.principal_axes @ self.chi_m.T
+        shortest, middle, longest = sorted((along.max(axis=1) - along.min(axis=1)).tolist())
+        return longest, middle, shortest
 
     @property
     def dimension(self) -> int:

@@ -111,7 +111,7 @@ def _refined(
 ) -> Drift:
     """Direction and range by `refine`, turns by parabolas, in turn."""
     azimuth, polar = math.atan2(u[1], u[0]), math.acos(min(max(float(u[2]), -1.0), 1.0))
-    focus = Focus(azimuth, polar, range_m, 0.0, 0.0)
+    focus = Focus(azimuth, polar, range_m, 0.0)
     width, step_rad = 0.25, _STEP_RAD
     for _ in range(_ROUNDS):
         start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.geometry import direction
-from wsr.subapertures import Scores, SubApertures, score
+from wsr.kernel import compiled
+from wsr.subapertures import SubApertures, delay_weight, score, score_grid
 
 # A step of the refinement stays within 1.5 of its own grid; the grid shrinks to a twentieth of a beam width.
 _MAX_STEP = 1.5
@@ -18,8 +19,12 @@ _LEAST_BEAM_WIDTHS = 0.05
 _LOG_RANGE_STEP, _LEAST_LOG_RANGE_STEP = 0.35, 0.08
 _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 80.0
 _POLE_RAD = 1e-3
+# Of the highest fused score on the first circle.
+_HOPEFUL = 0.4
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,13 +48,12 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Focus:
-    """Where the waves come together: direction, range, and there the coherence and delay at the coarsest scale."""
+    """Where the waves come together: direction, range, and there the coherence of the whole aperture."""
 
     azimuth_rad: float
     polar_rad: float
     range_m: float | None
     coherence: float
-    delay_ns: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +63,6 @@ class Bounds:
     low_rad: float = _POLE_RAD
     high_rad: float = math.pi - _POLE_RAD
     planar: bool = False
-
-    def keep(self, polar_rad: float) -> float:
-        if self.planar and polar_rad > math.pi / 2:
-            polar_rad = math.pi - polar_rad
-        return min(max(polar_rad, self.low_rad), self.high_rad)
 
 
 def sphere_grid(azimuth_step_rad: float) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -91,10 +90,34 @@ def look(
     delay_ns: float | None,
 ) -> Look:
     """Scores of a grid, fused over scales: each scale counts as much as the others."""
+    return _fused(grid, score(parts, direction(*grid[:2]), ranges_m, delay_ns).score, ranges_m)
+
+
+def look_around(
+    parts: SubApertures,
+    circles: tuple[Array, Array, NDArray[np.int64]],
+    ranges_m: Sequence[float | None],
+    delay_ns: float | None,
+) -> Look:
+    """The same over circles: the first one whole, of the others only the azimuths that have hope by it, 0 elsewhere.
+
+    Short sub-apertures see the azimuth of a source whose polar angle is another circle's.
+    """
+    u, rows = direction(*circles[:2]), circles[2]
+    first = score(parts, u[: rows[1]], ranges_m, delay_ns).score
+    hope = (first / first.max(axis=(1, 2), keepdims=True)).mean(axis=0).max(axis=1)
+    others = (rows[1:-1, None] + np.flatnonzero(hope > _HOPEFUL * hope.max())).ravel()
+    scores = np.zeros((len(first), len(u), len(ranges_m)), np.float32)
+    scores[:, : rows[1]] = first
+    if others.size:
+        scores[:, others] = score(parts, u[others], ranges_m, delay_ns).score
+    return _fused(circles, scores, ranges_m)
+
+
+def _fused(grid: tuple[Array, Array, NDArray[np.int64]], scores: Array32, ranges_m: Sequence[float | None]) -> Look:
     azimuth, polar, rows = grid
-    scores = score(parts, direction(azimuth, polar), ranges_m, delay_ns).score
     peak = scores.max(axis=(1, 2)).astype(np.float64)
-    combined = (scores / peak[:, None, None]).mean(axis=0)
+    combined = (scores / peak.astype(np.float32)[:, None, None]).mean(axis=0)
     return Look(azimuth, polar, np.asarray(combined, np.float64), peak, tuple(ranges_m), rows)
 
 
@@ -115,65 +138,125 @@ def refine(
     weight for the delay: the sum of all is then the best there is, and the bound of `wsr.crb` within reach.
     """
     azimuth, polar, range_m = start
-    d, log_step = step_rad / 2, _LOG_RANGE_STEP
-    norm, result = peak, Focus(azimuth, polar, range_m, 0.0, 0.0)
+    wave_m = parts.wavelength_m
+    azimuth, polar, reach, coherence = _climb(
+        *parts.arrays(delay_ns is not None),
+        math.inf if delay_ns is None else delay_ns,
+        (azimuth, polar, 0.0 if range_m is None else range_m / wave_m),
+        peak,
+        (step_rad / 2, _LEAST_BEAM_WIDTHS * beam_rad),
+        (_MIN_RANGE_M / wave_m, _MAX_RANGE_M / wave_m),
+        (bounds.low_rad, bounds.high_rad, bounds.planar),
+        coherent_above,
+        steps,
+    )
+    return Focus(azimuth, polar, None if range_m is None else reach * wave_m, coherence)
+
+
+_late = compiled(delay_weight)
+
+
+@compiled
+def _climb(
+    x: Array32,
+    x2: Array32,
+    h: Array32,
+    cuts: Indices,
+    pieces: Indices,
+    lag: NDArray[np.complex64],
+    power: float,
+    delay_ns: float,
+    start: tuple[float, float, float],
+    peak: Array,
+    steps_rad: tuple[float, float],
+    reaches: tuple[float, float],
+    polars: tuple[float, float, bool],
+    coherent_above: float,
+    steps: int,
+) -> tuple[float, float, float, float]:
+    """Azimuth, polar angle, range in wavelengths (0: far field, and stays so) and coherence; see `refine`.
+
+    All steps in machine code: called one by one, most of their time would go into the calls.
+    """
+    azimuth, polar, reach = start
+    d, least_d = steps_rad
+    log_step, spans = _LOG_RANGE_STEP, 3 if reach > 0.0 else 1
+    scales, best = peak.size, 0.0
+    u, ranges = np.empty((9, 3), np.float32), np.zeros(spans, np.float32)
+    coherence, phase = np.empty((scales, 9, spans), np.float32), np.zeros((scales, 9, spans), np.float32)
+    cube, move = np.empty((3, 3, spans)), np.empty(3)
     for step in range(steps):
-        d_azimuth, d_polar = d / max(math.sin(polar), 0.1), d * (3.0 if bounds.planar else 1.0)
-        ranges: tuple[float | None, ...] = (None,)
-        if range_m is not None:
-            ranges = tuple(min(max(range_m * math.exp(i * log_step), _MIN_RANGE_M), _MAX_RANGE_M) for i in (-1, 0, 1))
-        scores = _around(parts, azimuth, polar, d_azimuth, d_polar, ranges, delay_ns)
-        cube = (scores.score / norm[:, None, None]).mean(axis=0, dtype=np.float64).reshape(3, 3, -1)
-        top = np.unravel_index(int(np.argmax(cube)), cube.shape)
-        cell = (3 * int(top[0]) + int(top[1]), int(top[2]))
-        coherence = float(scores.coherence[0, *cell])
-        move = _newton(cube) if cube.shape[2] == 3 else np.array([top[0] - 1.0, top[1] - 1.0, 0.0])
+        d_azimuth, d_polar = d / max(math.sin(polar), 0.1), d * (3.0 if polars[2] else 1.0)
+        for n in range(9):
+            a, t = azimuth + (n // 3 - 1) * d_azimuth, polar + (n % 3 - 1) * d_polar
+            u[n, 0], u[n, 1], u[n, 2] = math.sin(t) * math.cos(a), math.sin(t) * math.sin(a), math.cos(t)
+        if spans == 3:
+            for r in range(3):
+                ranges[r] = min(max(reach * math.exp((r - 1) * log_step), reaches[0]), reaches[1])
+        score_grid(x, x2, h, u, ranges, cuts, pieces, lag, power, coherence, phase)
+        top = 0
+        for n in range(9 * spans):
+            value = 0.0
+            for k in range(scales):
+                late = _late(phase[k, n // spans, n % spans], delay_ns) if lag.size > 0 else 1.0
+                value += coherence[k, n // spans, n % spans] * late / peak[k]
+            cube[n // (3 * spans), n // spans % 3, n % spans] = value / scales
+            if value > scales * cube[top // (3 * spans), top // spans % 3, top % spans]:
+                top = n
+        best = float(coherence[0, top // spans, top % spans])
+        move[0], move[1], move[2] = top // (3 * spans) - 1, top // spans % 3 - 1, top % spans - 1
+        if spans == 3:
+            _newton(cube, move)
+        else:
+            move[2] = 0.0
         azimuth += move[0] * d_azimuth
-        polar = bounds.keep(float(polar + move[1] * d_polar))
-        if range_m is not None:
-            range_m = min(max(range_m * math.exp(move[2] * log_step), _MIN_RANGE_M), _MAX_RANGE_M)
-        if np.abs(move).max() < 1.0:
-            d = max(0.5 * d, _LEAST_BEAM_WIDTHS * beam_rad)
+        polar += move[1] * d_polar
+        if polars[2] and polar > math.pi / 2:
+            polar = math.pi - polar
+        polar = min(max(polar, polars[0]), polars[1])
+        if spans == 3:
+            reach = min(max(reach * math.exp(move[2] * log_step), reaches[0]), reaches[1])
+        if max(abs(move[0]), abs(move[1]), abs(move[2])) < 1.0:
+            d = max(0.5 * d, least_d)
             log_step = max(0.7 * log_step, _LEAST_LOG_RANGE_STEP)
-        if step == steps // 2 and coherence > coherent_above:
-            parts, norm, delay_ns = parts.whole(), np.ones(1), None
-        result = Focus(float(azimuth), polar, range_m, coherence, float(scores.delay_ns[-1, *cell]))
-    return result
+        if step == steps // 2 and best > coherent_above:
+            scales, peak = 1, np.ones(1)
+            pieces = pieces[: np.count_nonzero(pieces[:, 0] == 0)]
+            lag = np.zeros((0, 0), np.complex64)
+    return azimuth, polar, reach, best
 
 
-def _around(
-    parts: SubApertures,
-    azimuth: float,
-    polar: float,
-    d_azimuth: float,
-    d_polar: float,
-    ranges: tuple[float | None, ...],
-    delay_ns: float | None,
-) -> Scores:
-    azimuths = azimuth + d_azimuth * np.repeat([-1.0, 0.0, 1.0], 3)
-    polars = polar + d_polar * np.tile([-1.0, 0.0, 1.0], 3)
-    return score(parts, direction(azimuths, polars), ranges, delay_ns)
-
-
-def _newton(cube: Array) -> Array:
-    """Offset (3,) of the maximum of the quadratic through (3, 3, 3) points, or of the highest point if it has none."""
-    c = cube[1, 1, 1]
-    gradient = 0.5 * np.array(
-        [cube[2, 1, 1] - cube[0, 1, 1], cube[1, 2, 1] - cube[1, 0, 1], cube[1, 1, 2] - cube[1, 1, 0]]
-    )
-    hessian = np.diag(
-        [
-            cube[2, 1, 1] + cube[0, 1, 1] - 2 * c,
-            cube[1, 2, 1] + cube[1, 0, 1] - 2 * c,
-            cube[1, 1, 2] + cube[1, 1, 0] - 2 * c,
-        ]
-    )
-    hessian[0, 1] = hessian[1, 0] = (cube[2, 2, 1] + cube[0, 0, 1] - cube[2, 0, 1] - cube[0, 2, 1]) / 4
-    hessian[0, 2] = hessian[2, 0] = (cube[2, 1, 2] + cube[0, 1, 0] - cube[2, 1, 0] - cube[0, 1, 2]) / 4
-    hessian[1, 2] = hessian[2, 1] = (cube[1, 2, 2] + cube[1, 0, 0] - cube[1, 2, 0] - cube[1, 0, 2]) / 4
-    values, vectors = np.linalg.eigh(hessian)
-    if values.max() >= -1e-9 * np.abs(values).max():
-        return np.array(np.unravel_index(int(np.argmax(cube)), cube.shape), float) - 1
-    move = -vectors @ ((vectors.T @ gradient) / values)
-    size = float(np.abs(move).max())
-    return np.asarray(move if size <= _MAX_STEP else move * (_MAX_STEP / size))
+@compiled
+def _newton(c: Array, move: Array) -> None:
+    """Offset (3,) of the maximum of the quadratic through (3, 3, 3) points, where it has one; else left as it is."""
+    slope, curve = np.empty(3), np.empty((3, 3))
+    mid = c[1, 1, 1]
+    slope[0], curve[0, 0] = (c[2, 1, 1] - c[0, 1, 1]) / 2, 2 * mid - c[2, 1, 1] - c[0, 1, 1]
+    slope[1], curve[1, 1] = (c[1, 2, 1] - c[1, 0, 1]) / 2, 2 * mid - c[1, 2, 1] - c[1, 0, 1]
+    slope[2], curve[2, 2] = (c[1, 1, 2] - c[1, 1, 0]) / 2, 2 * mid - c[1, 1, 2] - c[1, 1, 0]
+    curve[1, 0] = -(c[2, 2, 1] + c[0, 0, 1] - c[2, 0, 1] - c[0, 2, 1]) / 4
+    curve[2, 0] = -(c[2, 1, 2] + c[0, 1, 0] - c[2, 1, 0] - c[0, 1, 2]) / 4
+    curve[2, 1] = -(c[1, 2, 2] + c[1, 0, 0] - c[1, 2, 0] - c[1, 0, 2]) / 4
+    # Cholesky's factors in place; a pivot that is not positive: no maximum.
+    least = 1e-9 * max(abs(curve[0, 0]), abs(curve[1, 1]), abs(curve[2, 2]))
+    for i in range(3):
+        for j in range(i + 1):
+            for k in range(j):
+                curve[i, j] -= curve[i, k] * curve[j, k]
+            if i != j:
+                curve[i, j] /= curve[j, j]
+            elif curve[i, i] > least:
+                curve[i, i] = math.sqrt(curve[i, i])
+            else:
+                return
+    for i in range(3):
+        for k in range(i):
+            slope[i] -= curve[i, k] * slope[k]
+        slope[i] /= curve[i, i]
+    for i in range(2, -1, -1):
+        for k in range(i + 1, 3):
+            slope[i] -= curve[k, i] * slope[k]
+        slope[i] /= curve[i, i]
+    shrink = min(1.0, _MAX_STEP / max(abs(slope[0]), abs(slope[1]), abs(slope[2]), 1e-300))
+    for i in range(3):
+        move[i] = slope[i] * shrink

@@ -13,9 +13,14 @@ Array = NDArray[np.float64]
 
 def direction(azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> Array:
     """Unit vectors (..., 3): u = (sin t cos p, sin t sin p, cos t) for azimuth p and polar angle t."""
-    azimuth, polar = np.broadcast_arrays(np.asarray(azimuth_rad, float), np.asarray(polar_rad, float))
+    azimuth, polar = np.asarray(azimuth_rad, float), np.asarray(polar_rad, float)
     sine = np.sin(polar)
-    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar)], axis=-1)
+    x = sine * np.cos(azimuth)
+    result = np.empty((*x.shape, 3))
+    result[..., 0] = x
+    result[..., 1] = sine * np.sin(azimuth)
+    result[..., 2] = np.cos(polar)
+    return result
 
 
 def angles(vector: ArrayLike) -> tuple[Array, Array]:

@@ -132,15 +132,19 @@ def _aligned(shape: tuple[int, ...]) -> Array32:
 
 
 @compiled
+def phasor(r: np.float32) -> tuple[np.float32, np.float32]:
+    """Cosine and sine of r turns, |r| <= 1/2, float32: by the half angle, so that no quadrant has to be told."""
+    q = r * r
+    s = r * (_S0 + q * (_S1 + q * (_S2 + q * (_S3 + q * _S4))))
+    c = _C0 + q * (_C1 + q * (_C2 + q * (_C3 + q * _C4)))
+    return _ONE - _TWO * s * s, _TWO * s * c
+
+
+@compiled
 def phasors(turns: Array32 | Array64, cosine: Array32, sine: Array32) -> None:
     """cosine and sine (n,) of the angles `turns` (n,): reduced in float64, so that long apertures lose nothing."""
     for k in range(turns.size):
-        r = np.float32(turns[k] - np.rint(turns[k]))
-        q = r * r
-        s = r * (_S0 + q * (_S1 + q * (_S2 + q * (_S3 + q * _S4))))
-        c = _C0 + q * (_C1 + q * (_C2 + q * (_C3 + q * _C4)))
-        sine[k] = _TWO * s * c
-        cosine[k] = _ONE - _TWO * s * s
+        cosine[k], sine[k] = phasor(np.float32(turns[k] - np.rint(turns[k])))
 
 
 @compiled

@@ -66,7 +66,7 @@ def most_likely(
     azimuth, polar, range_m = focus.azimuth_rad, focus.polar_rad, focus.range_m
     power = float(matched(parts, x_m, segment, focus).real.sum())
     for _ in range(_STEPS):
-        here = Focus(azimuth, polar, range_m, focus.coherence, focus.delay_ns)
+        here = Focus(azimuth, polar, range_m, focus.coherence)
         m = matched(parts, x_m, segment, here)
         slopes = phase_slopes(x_m, parts.wavelength_m, azimuth, polar, range_m)
         if nuisance is not None:
@@ -80,7 +80,7 @@ def most_likely(
         azimuth, polar = azimuth + float(step[0]), polar + float(step[1])
         if not _is_near(focus, azimuth, polar, range_m):
             return focus
-    found = Focus(azimuth, polar, range_m, focus.coherence, focus.delay_ns)
+    found = Focus(azimuth, polar, range_m, focus.coherence)
     gain = float(matched(parts, x_m, segment, found).real.sum()) / max(power, 1e-300)
     return replace(found, coherence=focus.coherence * gain) if gain >= 1.0 else focus
 

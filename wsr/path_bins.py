@@ -24,7 +24,7 @@ class Bins:
     segment: NDArray[np.int64]
     weights: Array
 
-    def means(self, values: Array) -> Array:
+    def means(self, values: NDArray[np.floating]) -> Array:
         """Mean (B,) over each bin of one value per packet (M,)."""
         used = np.flatnonzero(self.weights)
         starts = np.cumsum(self.counts) - self.counts
@@ -32,7 +32,11 @@ class Bins:
 
 
 def path_bins(
-    p_m: Array, channel: Complex, keep: NDArray[np.bool_], segment: NDArray[np.int64], length_m: float | None
+    p_m: Array,
+    channel: NDArray[np.complexfloating],
+    keep: NDArray[np.bool_],
+    segment: NDArray[np.int64],
+    length_m: float | None,
 ) -> Bins:
     """Means over runs of kept packets that stay within `length_m` of the run's first, or of single packets if None.
 
@@ -46,10 +50,11 @@ def path_bins(
     counts = np.diff(np.append(starts, used.size))
     weights = np.zeros(len(p_m))
     weights[used] = np.repeat(1.0 / counts, counts)
-    scale = 1.0 / counts[:, None]
+    mean_p, mean_h = np.zeros((starts.size, 3)), np.zeros((starts.size, h.shape[1]), np.complex128)
+    _average(np.ascontiguousarray(p), np.ascontiguousarray(h, np.complex64), starts, mean_p, mean_h)
     return Bins(
-        np.add.reduceat(p, starts, axis=0) * scale,
-        np.asarray(np.add.reduceat(h, starts, axis=0) * scale, np.complex128),
+        mean_p,
+        mean_h,
         counts,
         part[starts],
         weights,
@@ -69,3 +74,19 @@ def _runs(p_m: Array, length_m: float) -> NDArray[np.int64]:
             first = i
             result[i] += 1
     return result
+
+
+@compiled
+def _average(
+    p_m: Array, channel: NDArray[np.complex64], starts: NDArray[np.int64], mean_p: Array, mean_h: Complex
+) -> None:
+    """Means over the packets from each start up to the next, into zeros."""
+    packets, subcarriers = channel.shape
+    for b in range(starts.size):
+        after = starts[b + 1] if b + 1 < starts.size else packets
+        share = 1.0 / (after - starts[b])
+        for i in range(starts[b], after):
+            for axis in range(3):
+                mean_p[b, axis] += p_m[i, axis] * share
+            for s in range(subcarriers):
+                mean_h[b, s] += channel[i, s] * share

@@ -60,8 +60,10 @@ def ring_peaks(seen: Look, count: int) -> tuple[Peak, ...]:
     tops = np.flatnonzero((ring >= np.roll(ring, 1)) & (ring >= np.roll(ring, -1)))
     kept: list[int] = []
     for top in tops[np.argsort(-ring[tops], kind="stable")]:
+        if len(kept) == count:
+            break
         apart = np.abs(np.remainder(azimuth[top] - azimuth[kept] + math.pi, _TAU) - math.pi)
-        if len(kept) < count and np.all(apart >= MIN_SEPARATION_RAD):
+        if np.all(apart >= MIN_SEPARATION_RAD):
             kept.append(int(top))
     return tuple(
         Peak(

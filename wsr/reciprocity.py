@@ -11,26 +11,31 @@ is averaged instead of multiplied, and several paths add up as fields do. The si
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wsr.channel import SUBCARRIERS_20MHZ
-from wsr.kernel import compiled
+from wsr.kernel import compiled, phasor
 
 SUBCARRIERS = SUBCARRIERS_20MHZ.size
 TWO_APART = np.flatnonzero(np.diff(SUBCARRIERS_20MHZ) == 2)
-"""Positions whose next subcarrier is two steps on: 28 of 29."""
+"""Positions whose next subcarrier is two steps on: 27 of 29."""
 
+_LANES = 16
 _STEPS = 3
+_TURN = np.float32(1 / (2 * math.pi))
+_LEAST = np.float32(1e-18)
 # A residual frequency of the one-way phase, from motion and what is left of the carrier offset, is followed with this
 # time constant: a few packets, and much less than a robot needs to turn.
 _RATE_TIME_S = 0.03
 _MAX_SKIPPED = 3
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Array32 = NDArray[np.float32]
+Complex64 = NDArray[np.complex64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,37 +53,68 @@ class ChainLimits:
     gate: bool = True
 
 
-def fold(forward: NDArray[np.complex64], reverse: NDArray[np.complex64]) -> tuple[Complex, Array, Complex]:
-    """h (M, S), of unit mean power and unknown sign; the reciprocity (M,), 1 where both ends saw the same; and the
-    product at the channel centre (M,), without its delay. From both directions (M, S)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Folded:
+    """Both directions of M packets made one."""
+
+    channel: Complex64
+    """h (M, S), of unit mean power and unknown sign."""
+    reciprocity: Array32
+    """(M,), 1 where both ends saw the same."""
+    centre: Complex64
+    """(M,) product of the two, of unit mean power each, at the channel centre, without its delay."""
+    amplitude: Array32
+    """(M,) geometric mean of the two ends' amplitudes, in the receivers' own units."""
+
+
+def fold(forward: Complex64, reverse: Complex64) -> Folded:
+    """The one-way channel from both directions (M, S)."""
+    packets = len(forward)
+    result = Folded(
+        np.empty(forward.shape, np.complex64),
+        np.empty(packets, np.float32),
+        np.empty(packets, np.complex64),
+        np.empty(packets, np.float32),
+    )
     k = _indices(forward.shape[1])
-    channel = np.empty(forward.shape, np.complex128)
-    agreement = np.empty(len(forward))
-    centre = np.empty(len(forward), np.complex128)
-    _fold(np.ascontiguousarray(forward), np.ascontiguousarray(reverse), k, channel, agreement, centre)
-    return channel, agreement, centre
+    _fold(
+        _parts(forward),
+        _parts(reverse),
+        k,
+        _lags(forward.shape[1]),
+        _parts(result.channel),
+        result.reciprocity,
+        result.centre,
+        result.amplitude,
+    )
+    return result
 
 
-def without_delay(channel: Complex) -> Complex:
-    """The same (M, S) with the delay of each packet's power centroid taken out; as it is where S is not 30."""
-    result = np.array(channel, np.complex128, order="C")
-    if channel.shape[1] == SUBCARRIERS:
-        _take_delay_out(result, _indices(SUBCARRIERS))
+def without_delay(channel: NDArray[np.complexfloating], turn_rad: Array | None = None) -> Complex64:
+    """The same (M, S) with the delay of each packet's power centroid taken out, where S is 30, and each packet turned
+    by `turn_rad` (M,)."""
+    result = np.array(channel, np.complex64, order="C")
+    turns = np.zeros(len(channel)) if turn_rad is None else turn_rad
+    _take_delay_out(
+        _parts(result), _indices(channel.shape[1]), _lags(channel.shape[1]), turns.astype(np.float32, order="C")
+    )
     return result
 
 
 def chain(
-    channel: Complex, t_s: Array, p_m: Array, limits: ChainLimits
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
     """Signs (M,) of +-1 that make h continuous, which packets to keep, and the segment each belongs to.
 
     Between packets, the phase of h h_last^* over all subcarriers, less delay and less the phase that its smoothed rate
     predicts, says whether the sign flipped.
     """
+    parts, k = _parts(channel), _indices(channel.shape[1])
     return _chain(
-        channel,
-        _indices(channel.shape[1]),
-        np.sqrt((np.abs(channel) ** 2).sum(axis=1)),
+        parts,
+        k,
+        _lags(channel.shape[1]),
+        np.sqrt(np.square(parts).sum(axis=1)),
         np.ascontiguousarray(t_s, np.float64),
         np.ascontiguousarray(p_m, np.float64),
         limits.far_m,
@@ -88,102 +124,146 @@ def chain(
     )
 
 
-def _indices(subcarriers: int) -> NDArray[np.int64]:
-    """Subcarrier indices; zeros, so that no slope is seen, where they are not the 30 of a 20 MHz channel."""
-    return SUBCARRIERS_20MHZ if subcarriers == SUBCARRIERS else np.zeros(subcarriers, np.int64)
+def _parts(channel: NDArray[np.complexfloating]) -> Array32:
+    """(M, 2 S): real and imaginary parts in turn; of a contiguous complex64 array a view."""
+    return np.ascontiguousarray(channel, np.complex64).view(np.float32)
+
+
+def _indices(subcarriers: int) -> Array32:
+    """Subcarrier indices (W,), with zeros behind them up to whole vector lanes; all zeros, so that no slope is seen,
+    where they are not the 30 of a 20 MHz channel."""
+    k = np.zeros(-(-subcarriers // _LANES) * _LANES, np.float32)
+    if subcarriers == SUBCARRIERS:
+        k[:subcarriers] = SUBCARRIERS_20MHZ
+    return k
+
+
+def _lags(subcarriers: int) -> Array32:
+    """(W,) 1 where the next subcarrier is two steps on, else 0."""
+    lags = np.zeros(_indices(subcarriers).size, np.float32)
+    if subcarriers == SUBCARRIERS:
+        lags[TWO_APART] = 1.0
+    return lags
 
 
 @compiled
-def _lag_slope(values: Complex, k: NDArray[np.int64]) -> float:
-    """Phase per subcarrier index of values (S,), from products of subcarriers two apart."""
-    lagged = 0j
-    for s in range(k.size - 1):
-        if k[s + 1] - k[s] == 2:
-            lagged += values[s + 1] * np.conj(values[s])
-    return float(np.arctan2(lagged.imag, lagged.real)) / 2
+def _scratch(k: Array32) -> Array32:
+    """Zeros (W + 1,): what lies behind the subcarriers adds nothing to any sum."""
+    return np.zeros(k.size + 1, np.float32)
 
 
 @compiled
-def _turn(values: Complex, slope: float, k: NDArray[np.int64], out: Complex) -> complex:
-    """out = values exp(-j slope k), (S,); returns its sum."""
-    one = np.exp(-1j * slope)
-    two = one * one
-    phasor = np.exp(-1j * slope * k[0])
-    total = 0j
+def _lag_slope(re: Array32, im: Array32, lags: Array32) -> np.float32:
+    """Phase per subcarrier index of re + j im (S,), from products of subcarriers two apart."""
+    a = b = np.float32(0.0)
+    for s in range(lags.size):
+        a += lags[s] * (re[s + 1] * re[s] + im[s + 1] * im[s])
+        b += lags[s] * (im[s + 1] * re[s] - re[s + 1] * im[s])
+    return np.float32(np.arctan2(b, a) / np.float32(2.0))
+
+
+@compiled
+def _phasors(slope: np.float32, start: np.float32, k: Array32, cosine: Array32, sine: Array32) -> None:
+    """exp(-j (slope k + start)), (S,)."""
     for s in range(k.size):
-        if s > 0:
-            step = k[s] - k[s - 1]
-            phasor *= two if step == 2 else (one if step == 1 else 1.0)
-        out[s] = values[s] * phasor
-        total += out[s]
-    return total
+        turns = -(slope * k[s] + start) * _TURN
+        r = turns - np.rint(turns)
+        cosine[s], sine[s] = phasor(r)
 
 
 @compiled
-def _take_delay_out(channel: Complex, k: NDArray[np.int64]) -> None:
+def _sum(
+    re: Array32, im: Array32, slope: np.float32, k: Array32, cosine: Array32, sine: Array32
+) -> tuple[np.float32, np.float32]:
+    """Sum of (re + j im) exp(-j slope k)."""
+    _phasors(slope, np.float32(0.0), k, cosine, sine)
+    a = b = np.float32(0.0)
+    for s in range(k.size):
+        a += re[s] * cosine[s] - im[s] * sine[s]
+        b += re[s] * sine[s] + im[s] * cosine[s]
+    return a, b
+
+
+@compiled
+def _take_delay_out(channel: Array32, k: Array32, lags: Array32, turn: Array32) -> None:
+    size = channel.shape[1] // 2
+    re, im, cosine, sine = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
     for i in range(channel.shape[0]):
-        _turn(channel[i], _lag_slope(channel[i], k), k, channel[i])
+        for s in range(size):
+            re[s], im[s] = channel[i, 2 * s], channel[i, 2 * s + 1]
+        _phasors(_lag_slope(re, im, lags), -turn[i], k, cosine, sine)
+        for s in range(size):
+            channel[i, 2 * s] = re[s] * cosine[s] - im[s] * sine[s]
+            channel[i, 2 * s + 1] = re[s] * sine[s] + im[s] * cosine[s]
 
 
 @compiled
 def _fold(
-    forward: NDArray[np.complex64],
-    reverse: NDArray[np.complex64],
-    k: NDArray[np.int64],
-    channel: Complex,
-    agreement: Array,
-    centre: Complex,
+    forward: Array32,
+    reverse: Array32,
+    k: Array32,
+    lags: Array32,
+    channel: Array32,
+    reciprocity: Array32,
+    centre: Complex64,
+    amplitude: Array32,
 ) -> None:
-    size = k.size
-    ahead, back = np.empty(size, np.complex128), np.empty(size, np.complex128)
-    ratio, turned = np.empty(size, np.complex128), np.empty(size, np.complex128)
-    weight = np.empty(size)
+    size, half = forward.shape[1] // 2, np.float32(0.5)
+    f_re, f_im, r_re, r_im = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
+    re, im, cosine, sine, away = _scratch(k), _scratch(k), _scratch(k), _scratch(k), _scratch(k)
     for i in range(forward.shape[0]):
-        power_f = power_r = 1e-12
+        power_f = power_r = np.float32(0.0)
         for s in range(size):
-            ahead[s], back[s] = forward[i, s], reverse[i, s]
-            power_f += (ahead[s].real ** 2 + ahead[s].imag ** 2) / size
-            power_r += (back[s].real ** 2 + back[s].imag ** 2) / size
-            turned[s] = ahead[s] * back[s]
-        centre[i] = _turn(turned, _lag_slope(turned, k), k, turned) / size
-        scale_f, scale_r = 1 / np.sqrt(power_f), 1 / np.sqrt(power_r)
-        total = mean = 0.0
-        for s in range(size):
-            ahead[s] *= scale_f
-            back[s] *= scale_r
-            ratio[s] = ahead[s] * np.conj(back[s])
-            weight[s] = np.sqrt(ratio[s].real ** 2 + ratio[s].imag ** 2)  # faster than abs
-            total += weight[s]
-            mean += weight[s] * k[s]
-        mean /= max(total, 1e-12)
-        spread = 0.0
-        for s in range(size):
-            spread += weight[s] * (k[s] - mean) ** 2
-        slope = _lag_slope(ratio, k)
-        level = _turn(ratio, slope, k, turned)
+            f_re[s], f_im[s] = forward[i, 2 * s], forward[i, 2 * s + 1]
+            r_re[s], r_im[s] = reverse[i, 2 * s], reverse[i, 2 * s + 1]
+            power_f += f_re[s] * f_re[s] + f_im[s] * f_im[s]
+            power_r += r_re[s] * r_re[s] + r_im[s] * r_im[s]
+        root_f, root_r = np.sqrt(power_f / np.float32(size)), np.sqrt(power_r / np.float32(size))
+        amplitude[i] = np.sqrt(root_f) * np.sqrt(root_r)
+        scale_f, scale_r = np.float32(1.0) / max(root_f, _LEAST), np.float32(1.0) / max(root_r, _LEAST)
+        for s in range(k.size):
+            f_re[s], f_im[s] = scale_f * f_re[s], scale_f * f_im[s]
+            r_re[s], r_im[s] = scale_r * r_re[s], scale_r * r_im[s]
+            re[s] = f_re[s] * r_re[s] - f_im[s] * r_im[s]
+            im[s] = f_re[s] * r_im[s] + f_im[s] * r_re[s]
+        a, b = _sum(re, im, _lag_slope(re, im, lags), k, cosine, sine)
+        centre[i] = complex(a / np.float32(size), b / np.float32(size))
+
+        total = mean = np.float32(0.0)
+        for s in range(k.size):
+            re[s] = f_re[s] * r_re[s] + f_im[s] * r_im[s]
+            im[s] = f_im[s] * r_re[s] - f_re[s] * r_im[s]
+            weight = np.sqrt(re[s] * re[s] + im[s] * im[s])
+            total += weight
+            mean += weight * k[s]
+        mean /= max(total, _LEAST)
+        spread = np.float32(0.0)
+        for s in range(k.size):
+            away[s] = k[s] - mean
+            spread += np.sqrt(re[s] * re[s] + im[s] * im[s]) * away[s] * away[s]
+        slope = _lag_slope(re, im, lags)
+        a, b = _sum(re, im, slope, k, cosine, sine)
         for _ in range(_STEPS):
             # Newton's step to the maximum of |sum ratio exp(-j slope k)|, with the curvature of phases that agree.
-            step = 0.0
-            for s in range(size):
-                step += (k[s] - mean) * (turned[s].imag * level.real - turned[s].real * level.imag)
-            slope += step / max(spread * abs(level), 1e-12)
-            level = _turn(ratio, slope, k, turned)
-        half = np.exp(-0.5j * np.arctan2(level.imag, level.real))
-        _turn(ahead, 0.5 * slope, k, ahead)
-        _turn(back, -0.5 * slope, k, back)
-        same = 0j
+            x = y = np.float32(0.0)
+            for s in range(k.size):
+                x += away[s] * (re[s] * cosine[s] - im[s] * sine[s])
+                y += away[s] * (re[s] * sine[s] + im[s] * cosine[s])
+            slope += (y * a - x * b) / max(spread * np.sqrt(a * a + b * b), _LEAST)
+            a, b = _sum(re, im, slope, k, cosine, sine)
+        reciprocity[i] = np.sqrt(a * a + b * b) / np.float32(size)
+        _phasors(half * slope, half * np.arctan2(b, a), k, cosine, sine)
         for s in range(size):
-            f, r = ahead[s] * half, back[s] * np.conj(half)
-            channel[i, s] = 0.5 * (f + r)
-            same += f * np.conj(r)
-        agreement[i] = abs(same) / size
+            channel[i, 2 * s] = half * ((f_re[s] + r_re[s]) * cosine[s] - (f_im[s] - r_im[s]) * sine[s])
+            channel[i, 2 * s + 1] = half * ((f_re[s] - r_re[s]) * sine[s] + (f_im[s] + r_im[s]) * cosine[s])
 
 
 @compiled
 def _chain(
-    h: Complex,
-    k: NDArray[np.int64],
-    norm: Array,
+    h: Array32,
+    k: Array32,
+    lags: Array32,
+    norm: Array32,
     t_s: Array,
     p_m: Array,
     far_m: float,
@@ -191,33 +271,35 @@ def _chain(
     min_cosine: float,
     gate: bool,
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
-    packets, subcarriers = h.shape
+    packets, size = h.shape[0], h.shape[1] // 2
     sign = np.ones(packets)
     keep = np.ones(packets, np.bool_)
     segment = np.zeros(packets, np.int64)
-    step = np.empty(subcarriers, np.complex128)
+    re, im, cosine, sine = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
     rate, last, current, number, skipped = 0.0, 0, 1.0, 0, 0
     for i in range(1, packets):
-        for s in range(subcarriers):
-            step[s] = h[i, s] * np.conj(h[last, s])
-        q = _turn(step, _lag_slope(step, k), k, step)
+        for s in range(size):
+            re[s] = h[i, 2 * s] * h[last, 2 * s] + h[i, 2 * s + 1] * h[last, 2 * s + 1]
+            im[s] = h[i, 2 * s + 1] * h[last, 2 * s] - h[i, 2 * s] * h[last, 2 * s + 1]
+        a, b = _sum(re, im, _lag_slope(re, im, lags), k, cosine, sine)
+        q = complex(a, b)
         likeness = abs(q) / max(norm[i] * norm[last], 1e-12)
         q /= max(abs(q), 1e-12)
         dt = max(t_s[i] - t_s[last], 1e-4)
         q *= np.exp(-1j * rate * dt)
-        cosine = q.real
-        if gate and abs(cosine) < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
+        cosine_q = q.real
+        if gate and abs(cosine_q) < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
             keep[i] = False
             skipped += 1
             continue
         moved2 = 0.0
         for axis in range(3):
             moved2 += (p_m[i, axis] - p_m[last, axis]) ** 2
-        if moved2 > far_m**2 or (moved2 > near_m**2 and abs(cosine) * likeness < min_cosine):
+        if moved2 > far_m**2 or (moved2 > near_m**2 and abs(cosine_q) * likeness < min_cosine):
             number += 1
             current, rate = 1.0, 0.0
         else:
-            if cosine < 0:
+            if cosine_q < 0:
                 current, q = -current, -q
             rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt
         sign[i], segment[i], last, skipped = current, number, i, 0

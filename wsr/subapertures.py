@@ -17,6 +17,7 @@ direction, longest piece first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ from wsr.kernel import compiled, phasors
 from wsr.reciprocity import SUBCARRIERS, TWO_APART
 
 _MAX_DELAY_NS = 60.0
+_DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * 2 * SUBCARRIER_SPACING_HZ)
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -37,12 +39,11 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scores:
-    """score, coherence and delay_ns, each (K, N, R): scales, directions, ranges. The score is the coherence F times
-    the weight for the delay; its delay is 0 where it was not asked for."""
+    """score and coherence, each (K, N, R): scales, directions, ranges. The score is the coherence F times the weight
+    for the delay."""
 
     score: Array32
     coherence: Array32
-    delay_ns: Array32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +63,11 @@ class SubApertures:
     """(P, 5): scale, sub-aperture, first run, run after the last, bins; of one segment each, longest first."""
     power: float
     """mean over subcarriers and bins of |h|^2, times subcarriers."""
+
+    def arrays(self, delays: bool) -> tuple[Array32, Array32, Array32, Indices, Indices, NDArray[np.complex64], float]:
+        """What `score_grid` takes first, with an empty `lag` without `delays`."""
+        lag = self.lag if delays else np.zeros((0, 0), np.complex64)
+        return self.x, (self.x**2).sum(axis=0), self.h, self.cuts, self.pieces, lag, self.power
 
     def whole(self) -> SubApertures:
         """The same bins at the scale 1 alone, which has to be the first of the scales."""
@@ -87,18 +93,16 @@ def sub_apertures(
     basis = _basis(channel, share)
     values = channel if basis is None else channel @ basis.conj()
     x = (p_m - p_m.mean(axis=0)) / wavelength_m
-    finest = max(scales)
-    cuts = np.unique(
-        np.append(np.arange(finest) * bins // finest, np.flatnonzero(np.diff(segment, prepend=segment[0])))
-    )
-    ends = np.append(cuts[1:], bins)
+    borders = [np.arange(parts) * bins // parts for parts in scales]
+    cuts = np.unique(np.concatenate([*borders, np.flatnonzero(np.diff(segment, prepend=segment[0]))]))
+    owners = np.array([np.searchsorted(border, cuts, "right") - 1 for border in borders])
     return SubApertures(
         np.ascontiguousarray(x.T, np.float32),
         np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
         wavelength_m,
         _lag_form(channel.shape[1], basis),
         np.append(cuts, bins),
-        _pieces(cuts, ends, segment[cuts], scales, bins, resign),
+        _pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign),
         float((np.abs(channel) ** 2).sum(axis=1).mean()),
     )
 
@@ -107,27 +111,20 @@ def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay
     """Scores of directions u (N, 3) at each range; no weight for the delay if `delay_ns` is None."""
     scales = int(parts.pieces[-1, 0]) + 1
     shape = (scales, len(u), len(ranges_m))
-    coherence, delay = np.empty(shape, np.float32), np.zeros(shape, np.float32)
-    weighted = delay_ns is not None and parts.lag.size > 0
+    coherence, phase = np.empty(shape, np.float32), np.zeros(shape, np.float32)
     ranges = np.array([0.0 if r is None else r / parts.wavelength_m for r in ranges_m], np.float32)
-    _score(
-        parts.x,
-        (parts.x**2).sum(axis=0),
-        parts.h,
-        np.ascontiguousarray(u, np.float32),
-        ranges,
-        parts.cuts,
-        parts.pieces,
-        parts.lag if weighted else np.zeros((0, 0), np.complex64),
-        parts.power,
-        coherence,
-        delay,
-    )
-    if delay_ns is None or not weighted:
-        return Scores(coherence, coherence, delay)
-    delay *= np.float32(-1e9 / (2 * np.pi * 2 * SUBCARRIER_SPACING_HZ))
-    weight = np.exp(np.clip(delay, -_MAX_DELAY_NS, _MAX_DELAY_NS) * np.float32(-1.0 / delay_ns))
-    return Scores(coherence * weight, coherence, delay)
+    x, x2, h, cuts, pieces, lag, power = parts.arrays(delay_ns is not None)
+    score_grid(x, x2, h, np.ascontiguousarray(u, np.float32), ranges, cuts, pieces, lag, power, coherence, phase)
+    if delay_ns is None or not lag.size:
+        return Scores(coherence, coherence)
+    return Scores(coherence * delay_weight(phase, delay_ns), coherence)
+
+
+def delay_weight(phase_rad: Array32, delay_ns: float) -> Array32:
+    """exp(-delay / `delay_ns`) for phases of the product of subcarriers two apart, which the delay turns; any shape."""
+    late_ns = np.minimum(np.maximum(phase_rad * _DELAY_NS_PER_RAD, -_MAX_DELAY_NS), _MAX_DELAY_NS)
+    weight: Array32 = np.exp(late_ns * (-1.0 / delay_ns))
+    return weight
 
 
 def _basis(channel: Complex, share: float) -> Complex | None:
@@ -147,27 +144,35 @@ def _lag_form(subcarriers: int, basis: Complex | None) -> NDArray[np.complex64]:
     return np.asarray(full[TWO_APART + 1].T @ full[TWO_APART].conj(), np.complex64)
 
 
-def _pieces(cuts: Indices, ends: Indices, segment: Indices, scales: Sequence[int], bins: int, resign: bool) -> Indices:
-    rows: list[tuple[int, int, int, int, int]] = []
-    for scale, parts in enumerate(scales):
-        group = 0
-        owner = cuts * parts // bins
-        for part in range(parts):
-            runs = np.flatnonzero(owner == part)
-            found = []
-            for number in np.unique(segment[runs]):
-                same = runs[segment[runs] == number]
-                found.append((int(same[0]), int(same[-1]) + 1, int((ends - cuts)[same].sum())))
-            found.sort(key=lambda piece: -piece[2])
-            for first, after, size in found:
-                rows.append((scale, group, first, after, size))
-                group += not resign
-            group += resign
-    return np.array(rows, np.int64)
+@compiled
+def _pieces(owners: Indices, sizes: Indices, segment: Indices, resign: bool) -> Indices:
+    """`SubApertures.pieces` of C runs: which sub-aperture each belongs to at each scale (K, C), so many bins (C,), of
+    the segment (C,). Both numbers do not decrease."""
+    scales, runs = owners.shape
+    rows, count = np.empty((scales * runs, 5), np.int64), 0
+    for scale in range(scales):
+        group, top, first = 0, count, 0
+        for run in range(runs):
+            owner, last = owners[scale, run], run == runs - 1
+            if not last and owners[scale, run + 1] == owner and segment[run + 1] == segment[run]:
+                continue
+            size, at = sizes[first : run + 1].sum(), count
+            while at > top and rows[at - 1, 4] < size:
+                rows[at] = rows[at - 1]
+                at -= 1
+            rows[at, 0], rows[at, 2], rows[at, 3], rows[at, 4] = scale, first, run + 1, size
+            count, first = count + 1, run + 1
+            if last or owners[scale, run + 1] != owner:
+                for at in range(top, count):
+                    rows[at, 1] = group
+                    group += not resign
+                group += resign
+                top = count
+    return rows[:count].copy()
 
 
 @compiled
-def _score(
+def score_grid(
     x: Array32,
     x2: Array32,
     h: Array32,
@@ -180,6 +185,8 @@ def _score(
     coherence: Array32,
     phase: Array32,
 ) -> None:
+    """Coherence, and phase of the lagged product if there is a `lag`, (K, N, R) each, of directions u (N, 3) and ranges
+    (R,) in wavelengths, 0 for the far field. What comes first is `SubApertures.arrays`."""
     bins, combos = x.shape[1], h.shape[1]
     across = np.empty(bins, np.float32)
     turns = np.empty(bins, np.float32)

@@ -21,8 +21,10 @@ from wsr.kernel import compiled, phasors
 MAX_OFFSET_HZ = 100e3
 """Twice 10 parts per million of 5 GHz, what the standard allows each end, is 116 kHz; the recordings have up to 45."""
 
-_COARSE_STEP_HZ = 500.0
-_FINE_STEP_HZ = 20.0
+# Steps of the search: at half of one, phases of the given rms have turned by so much. Then finer, down to the last.
+_PHASE_STEP_RAD = 0.3
+_LEAST_STEP_HZ, _MOST_STEP_HZ, _LAST_STEP_HZ = 500.0, 4e3, 20.0
+_FINER = 8
 # Neighbouring products are summed over so many packets, 0.1 s: motion turns them little over that time, and power is
 # added over blocks, so that what motion does over longer times does not matter.
 _BLOCK = 16
@@ -35,7 +37,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def carrier_offset_hz(product: Complex, turnaround_s: Array, our_clock_s: Array, wavelength_m: float) -> float:
+def carrier_offset_hz(
+    product: NDArray[np.complexfloating], turnaround_s: Array, our_clock_s: Array, wavelength_m: float
+) -> float:
     """df (carrier of the other end less ours) at which neighbouring products agree best; 0 where none helps.
 
     With D_k = z_{k+1} z_k^* of the unit products z, the maximum over df of the mean over blocks of |mean_k D_k exp(j 2
@@ -58,8 +62,13 @@ def carrier_offset_hz(product: Complex, turnaround_s: Array, our_clock_s: Array,
         at = int(np.argmax(agreement - _PRIOR * ((candidates_hz - expected_hz) / _PRIOR_SCALE_HZ) ** 2))
         return float(candidates_hz[at]), float(agreement[at])
 
-    coarse_hz, _ = best(np.arange(-MAX_OFFSET_HZ, MAX_OFFSET_HZ + 1, _COARSE_STEP_HZ))
-    offset_hz, agreement = best(coarse_hz + np.arange(-_COARSE_STEP_HZ, _COARSE_STEP_HZ + 1, _FINE_STEP_HZ))
+    rms_s = max(float(np.sqrt(np.mean(change_s**2))), 1e-9)
+    step_hz = min(max(_PHASE_STEP_RAD / (np.pi * rms_s), _LEAST_STEP_HZ), _MOST_STEP_HZ)
+    offset_hz, agreement = best(np.arange(-MAX_OFFSET_HZ, MAX_OFFSET_HZ + 1, step_hz))
+    while step_hz > _LAST_STEP_HZ:
+        around = step_hz * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
+        offset_hz, agreement = best(offset_hz + around)
+        step_hz /= _FINER
     without = float(_agreement(np.zeros(1), re, im, change_s)[0])
     return offset_hz if agreement > without + _LEAST_GAIN else 0.0
 

@@ -20,13 +20,13 @@ def test_offset_and_jitter_are_found_with_their_signs(offset_hz: float) -> None:
     forward, reverse = exchange(p, SOURCE, offset_hz=offset_hz, t_s=t, turnaround_s=late_s)
     # The other end's clock runs faster by the ratio of the carriers.
     stamped_s = late_s + offset_hz * WAVELENGTH_M / 299_792_458.0 * t
-    _, _, centre = fold(forward, reverse)
+    centre = fold(forward, reverse).centre
     found = carrier_offset_hz(centre, stamped_s, t, WAVELENGTH_M)
     assert found == pytest.approx(offset_hz, abs=500)
     late = jitter_s(stamped_s, t, found, WAVELENGTH_M)
     np.testing.assert_allclose(late, late_s - np.median(late_s), atol=1e-7)
 
-    _, _, still = fold(*exchange(p, SOURCE))
+    still = fold(*exchange(p, SOURCE)).centre
     before, after = centre * still.conj(), centre * np.exp(2j * np.pi * found * late) * still.conj()
     steadiness = [float(np.abs(np.mean(z / np.abs(z)))) for z in (before, after)]
     assert steadiness[1] > 0.98
@@ -36,7 +36,7 @@ def test_offset_and_jitter_are_found_with_their_signs(offset_hz: float) -> None:
 
 def test_without_jitter_there_is_no_offset_to_find() -> None:
     t, p = weave(900)
-    _, _, centre = fold(*exchange(p, SOURCE, noise=0.02))
+    centre = fold(*exchange(p, SOURCE, noise=0.02)).centre
     assert carrier_offset_hz(centre, np.full(900, 3e-4), t, WAVELENGTH_M) == 0.0
 
 

@@ -25,9 +25,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.aperture import Aperture
 from wsr.estimators.options import RobustOptions
-from wsr.estimators.preparation import Prepared, counted_amplitude, packet_amplitude
+from wsr.estimators.preparation import Prepared, counted_amplitude
 from wsr.focus import Focus, circle_grid, sphere_grid
 from wsr.geometry import angles, direction, great_circle, wrap_angle
 from wsr.peaks import MIN_SEPARATION_RAD, Peak
@@ -51,7 +50,6 @@ Complex = NDArray[np.complex128]
 
 
 def arrivals(
-    aperture: Aperture,
     prepared: Prepared,
     options: RobustOptions,
     parts: SubApertures,
@@ -69,7 +67,7 @@ def arrivals(
     """
     wave_m = parts.wavelength_m
     steering = _steering(x_m, wave_m, direction(focus.azimuth_rad, focus.polar_rad), focus.range_m)[:, None]
-    h = _joined(parts, steering[:, 0], prepared.bins.segment) * _loudness(aperture, prepared, options)[:, None]
+    h = _joined(parts, steering[:, 0], prepared.bins.segment) * _loudness(prepared, options)[:, None]
     power, left = _fitted(h, steering)
     azimuth, polar, _ = circle_grid(_LEVEL_STEP_RAD, options.planar_polars_rad) if level else sphere_grid(_STEP_RAD)
     grid = direction(azimuth, polar)
@@ -99,11 +97,11 @@ def arrivals(
     return own, *sorted(others, key=lambda path: -path.power)
 
 
-def _loudness(aperture: Aperture, prepared: Prepared, options: RobustOptions) -> Array:
+def _loudness(prepared: Prepared, options: RobustOptions) -> Array:
     """Factor (B,) that gives each bin the amplitude its packets came with, instead of the one they count with."""
     if prepared.bins.channel.shape[1] == 1:
         return np.ones(len(prepared.bins.counts))
-    amplitude = packet_amplitude(aperture)
+    amplitude = prepared.amplitude
     counted = prepared.bins.means(counted_amplitude(amplitude, options))
     amplitude = np.minimum(amplitude, _LOUDEST)
     came = prepared.bins.means(amplitude if options.one_way else amplitude**2)

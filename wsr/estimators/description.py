@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,12 +80,14 @@ def describe(
 
 def without_image(others: tuple[Peak, ...], best: Peak, mirror: Peak | None) -> tuple[Peak, ...]:
     """The other peaks, but for those next to the reported one and its mirror image, which is no second path."""
-    taken = [direction(p.azimuth_rad, p.polar_rad) for p in (best, mirror) if p is not None]
-    return tuple(
-        peak
-        for peak in others
-        if all(great_circle(direction(peak.azimuth_rad, peak.polar_rad), u) >= MIN_SEPARATION_RAD for u in taken)
-    )
+    taken = _directions([best] if mirror is None else [best, mirror])
+    apart = great_circle(_directions(others)[:, None], taken).min(axis=1)
+    return tuple(peak for peak, angle in zip(others, apart, strict=True) if angle >= MIN_SEPARATION_RAD)
+
+
+def _directions(peaks: Sequence[Peak]) -> Array:
+    """Unit vectors (N, 3)."""
+    return direction([peak.azimuth_rad for peak in peaks], [peak.polar_rad for peak in peaks])
 
 
 def is_horizontal(normal: Array) -> bool:

@@ -189,7 +189,7 @@ def one_way_field(aperture: Aperture) -> Complex:
         raise ApertureError("aperture has no channels of single subcarriers; expected forward and reverse")
     ahead, back = (np.asarray(csi, np.complex128) for csi in (aperture.forward, aperture.reverse))
     amplitude = np.sqrt(np.linalg.norm(ahead, axis=1) * np.linalg.norm(back, axis=1))
-    field = fold(aperture.forward, aperture.reverse)[0]
+    field = fold(aperture.forward, aperture.reverse).channel
     return np.asarray(without_delay(field) * (amplitude / max(float(np.median(amplitude)), 1e-300))[:, None])
 
 

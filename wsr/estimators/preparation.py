@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +12,13 @@ from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
 from wsr.path_bins import Bins, path_bins
-from wsr.reciprocity import ChainLimits, chain, fold, without_delay
+from wsr.reciprocity import ChainLimits, Folded, chain, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 Complex = NDArray[np.complex128]
-Channel = TypeVar("Channel", NDArray[np.complex64], NDArray[np.complex128])
+Complex64 = NDArray[np.complex64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,37 +32,41 @@ class Prepared:
     offset_hz: float
     bin_t_s: Array
     """(B,) mean time of each bin."""
+    amplitude: Array32
+    """(M,) of the one-way channel over that of the median packet."""
 
 
 def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     """From packets to bins: jitter, one-way channel, signs, gates, bins. Raises ApertureError if too little is left."""
-    channel, agreement, centre = _folded(aperture)
-    rotation, offset_hz = _rotation(aperture, centre, options)
+    folded = _folded(aperture)
+    agreement = folded.reciprocity
+    jitter_rad, offset_hz = _jitter_phase(aperture, folded.centre, options)
     clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
     keep = np.ones(aperture.packets, np.bool_)
-    segment = np.zeros(aperture.packets, np.int64)
+    segment, sign = np.zeros(aperture.packets, np.int64), np.ones(aperture.packets, np.float32)
     if options.reciprocity:
         keep &= agreement > options.min_reciprocity
     disagree = int(np.count_nonzero(~keep))
     wavelength_m = aperture.wavelength_m
     if options.one_way:
-        channel = without_delay(channel * np.exp(0.5j * np.angle(rotation))[:, None])
+        channel = without_delay(folded.channel, jitter_rad / 2)
         used = np.flatnonzero(keep)
         limits = ChainLimits(
             far_m=options.far_wavelengths * wavelength_m,
             near_m=options.near_wavelengths * wavelength_m,
             gate=options.gate,
         )
-        sign, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits)
-        channel[used] *= sign[:, None]
+        signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits)
+        sign[used] = signs
         keep[used] = fits
         segment[used] = number
     else:
-        channel = without_delay(_product(aperture)) * rotation[:, None]
+        channel = without_delay(_product(aperture), jitter_rad)
         wavelength_m = wavelength_m / 2
     if not options.wideband:
         channel = channel.mean(axis=1, keepdims=True)
-    channel = _levelled(channel, packet_amplitude(aperture), options)
+    amplitude = folded.amplitude / max(float(np.median(folded.amplitude)), 1e-12)
+    channel = _levelled(channel, sign * counted_amplitude(amplitude, options))
     if np.count_nonzero(keep) < MIN_PACKETS:
         kept = f"{np.count_nonzero(keep)} of {aperture.packets} packets are consistent"
         raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
@@ -77,58 +81,44 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         float(np.median(agreement)),
         offset_hz,
         bins.means(aperture.t_s),
+        amplitude,
     )
 
 
-def _folded(aperture: Aperture) -> tuple[Complex, Array, Complex]:
-    """As `fold`; without both directions the root of the product, which is then all there is."""
+def _folded(aperture: Aperture) -> Folded:
+    """Without both directions the root of the product, which is then all there is."""
     if aperture.forward is not None and aperture.reverse is not None:
-        return fold(_unit_mean(aperture.forward), _unit_mean(aperture.reverse))
-    centre = _unit_mean(aperture.channel)
-    return np.sqrt(centre)[:, None], np.ones(aperture.packets), centre
-
-
-def _unit_mean(channel: Channel) -> Channel:
-    """In units of its own mean amplitude: receivers differ in theirs."""
-    return cast(Channel, channel / np.abs(channel).mean(dtype=np.float64).astype(channel.real.dtype))
+        return fold(aperture.forward, aperture.reverse)
+    centre = aperture.channel.astype(np.complex64)
+    root = np.sqrt(centre / max(float(np.abs(centre).mean()), 1e-30))
+    return Folded(root[:, None], np.ones(aperture.packets, np.float32), centre, np.abs(root))
 
 
 def _product(aperture: Aperture) -> Complex:
     if aperture.forward is not None and aperture.reverse is not None:
-        return np.asarray(_unit_mean(aperture.forward).astype(np.complex128) * _unit_mean(aperture.reverse))
-    return _unit_mean(aperture.channel)[:, None]
+        return np.asarray(aperture.forward.astype(np.complex128) * aperture.reverse)
+    return aperture.channel[:, None]
 
 
-def _rotation(aperture: Aperture, centre: Complex, options: RobustOptions) -> tuple[Complex, float]:
-    """exp(j 2 pi df dt) (M,), which undoes the turnaround jitter, and df."""
+def _jitter_phase(aperture: Aperture, centre: Complex64, options: RobustOptions) -> tuple[Array, float]:
+    """2 pi df dt (M,), which undoes the turnaround jitter, and df."""
     if not options.jitter or aperture.nic_us is None:
-        return np.ones(aperture.packets, np.complex128), 0.0
+        return np.zeros(aperture.packets), 0.0
     ours_s = (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
     turnaround_s = (aperture.nic_us[:, 1] - aperture.nic_us[:, 0]) * 1e-6
     offset_hz = carrier_offset_hz(centre, turnaround_s, ours_s, aperture.wavelength_m)
     late_s = jitter_s(turnaround_s, ours_s, offset_hz, aperture.wavelength_m)
-    return np.exp(2j * np.pi * offset_hz * late_s), offset_hz
+    return 2 * np.pi * offset_hz * late_s, offset_hz
 
 
-def packet_amplitude(aperture: Aperture) -> Array:
-    """Amplitude (M,) of the one-way channel over that of the median packet."""
-    if aperture.forward is not None and aperture.reverse is not None:
-        power = [(np.abs(_unit_mean(ends)) ** 2).mean(axis=1) for ends in (aperture.forward, aperture.reverse)]
-        amplitude = (power[0] * power[1]) ** 0.25
-    else:
-        amplitude = np.sqrt(np.abs(_unit_mean(aperture.channel)))
-    return np.asarray(amplitude / max(float(np.median(amplitude)), 1e-12), np.float64)
-
-
-def counted_amplitude(amplitude: Array, options: RobustOptions) -> Array:
+def counted_amplitude(amplitude: Array32, options: RobustOptions) -> Array32:
     """What packets of such amplitudes (M,) count with: the same, but for weak ones; or as received."""
-    return np.minimum(amplitude / max(options.weak_below, 1e-12), 1.0) if options.unit_power else amplitude
+    return np.minimum(amplitude / max(options.weak_below, 1e-12), np.float32(1.0)) if options.unit_power else amplitude
 
 
-def _levelled(channel: Complex, amplitude: Array, options: RobustOptions) -> Complex:
-    """Every packet's channel (M, S) with the amplitude it is to count with."""
+def _levelled(channel: Complex64, amplitude: Array32) -> Complex64:
+    """Every packet's channel (M, S) with the signed amplitude (M,) it is to count with."""
     if channel.shape[1] == 1:
-        level = bounded_amplitude(channel)
-    else:
-        level = channel / np.maximum(np.sqrt((np.abs(channel) ** 2).mean(axis=1, keepdims=True)), 1e-12)
-    return np.asarray(level * counted_amplitude(amplitude, options)[:, None])
+        return np.asarray(bounded_amplitude(channel) * amplitude[:, None], np.complex64)
+    root = np.sqrt(2 * np.square(channel.view(np.float32)).mean(axis=1))
+    return np.asarray(channel * (amplitude / np.maximum(root, np.float32(1e-12)))[:, None])

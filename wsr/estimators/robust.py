@@ -17,7 +17,7 @@ from wsr.estimators.description import without_image
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
-from wsr.focus import Bounds, Focus, Look, circle_grid, look, refine, sphere_grid
+from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
 from wsr.geometry import direction, great_circle, wrap_angle
 from wsr.likelihood import matched, most_likely
 from wsr.peaks import Peak, find_peaks, mirrored
@@ -56,6 +56,8 @@ class Found:
     x_m: Array
     extents_m: tuple[float, float, float]
     drift: Drift | None
+    residual_rad: Array
+    """(B,) phases, over all subcarriers, that direction and range leave unexplained."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +85,8 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     bins, wavelength_m = prepared.bins, prepared.wavelength_m
     x = bins.p_m - bins.p_m.mean(axis=0)
     axes = np.linalg.svd(x.T @ x)[2]
-    extents = np.sort(np.ptp(x @ axes.T, axis=0))[::-1]
+    along = axes @ x.T
+    extents = np.sort(along.max(axis=1) - along.min(axis=1))[::-1]
     flat = extents[2] < max(_MIN_EXTENT_WAVELENGTHS * wavelength_m, _MIN_EXTENT_SHARE * extents[0])
     level = bool(flat and abs(axes[2, 2]) > _LEVEL_COSINE)
     if level:
@@ -92,22 +95,30 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     fused = sub_apertures(
         x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share
     )
-    grid = circle_grid(options.step_rad, options.planar_polars_rad) if level else sphere_grid(options.step_rad)
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
-    seen = look(fused, grid, ranges_m, options.delay_ns)
+
+    def searched(parts: SubApertures) -> Look:
+        if level:
+            circles = circle_grid(options.step_rad, options.planar_polars_rad)
+            return look_around(parts, circles, ranges_m, options.delay_ns)
+        return look(parts, sphere_grid(options.step_rad), ranges_m, options.delay_ns)
+
+    seen = searched(fused)
     beam_rad = wavelength_m / float(extents[0])
     bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
     focus = _climbed(fused, seen, bounds, beam_rad, options)
-    drift = None
-    if options.drift and (level or not flat) and _leaves_a_trend(fused, x, bins.segment, focus):
+    drift, left = None, matched(fused, x, bins.segment, focus)
+    if options.drift and (level or not flat) and time_correlation(np.angle(left)) > _TREND:
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
         drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad, bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
-        seen = look(fused, grid, ranges_m, options.delay_ns)
+        seen, left = searched(fused), matched(fused, x, bins.segment, focus)
     if not level and focus.coherence > options.coherent_above:
         focus = most_likely(fused, x, bins.segment, bins.counts, focus, None if drift is None else drift.tau)
-    return Found(seen, focus, level, fused, x, (float(extents[0]), float(extents[1]), float(extents[2])), drift)
+        left = matched(fused, x, bins.segment, focus)
+    sizes = float(extents[0]), float(extents[1]), float(extents[2])
+    return Found(seen, focus, level, fused, x, sizes, drift, np.angle(left))
 
 
 def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, options: RobustOptions) -> Focus:
@@ -141,11 +152,6 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, o
     return max(found, key=fused_score)
 
 
-def _leaves_a_trend(parts: SubApertures, x: Array, segment: NDArray[np.int64], focus: Focus) -> bool:
-    """Whether what the focus leaves of the phases is more than white noise."""
-    return time_correlation(np.angle(matched(parts, x, segment, focus))) > _TREND
-
-
 def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
     """The best direction of a look that is not the focus's."""
     apart = great_circle(direction(seen.azimuth_rad, seen.polar_rad), direction(focus.azimuth_rad, focus.polar_rad))
@@ -156,9 +162,7 @@ def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
 def _described(
     aperture: Aperture, prepared: Prepared, found: Found, peaks: tuple[Peak, ...], options: RobustOptions
 ) -> AoaEstimate:
-    focus, dimension = found.focus, aperture.dimension
-    # Phase of each bin, over all subcarriers, that direction and range leave unexplained.
-    residual = np.angle(matched(found.parts, found.x_m, prepared.bins.segment, focus))
+    focus, dimension, residual = found.focus, aperture.dimension, found.residual_rad
     inverse = bound(
         found.x_m,
         prepared.wavelength_m,
@@ -215,7 +219,7 @@ def _described(
         range_m=range_m if range_ok else None,
         range_std_m=range_std,
         range_observable=range_ok,
-        paths=arrivals(aperture, prepared, options, found.parts, found.x_m, focus, found.level, best, _PATHS),
+        paths=arrivals(prepared, options, found.parts, found.x_m, focus, found.level, best, _PATHS),
         dropped=prepared.dropped,
         drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
