@@ -98,7 +98,7 @@ def _print_estimates(times: EstimateTimes) -> None:
     click.echo(
         f"robust estimate, 880 packets x 30 subcarriers: {1e3 * times.robust_3d_s:.0f} ms in 3D, "
         f"{times.robust_3d_s / times.far_field_profile_s:.1f} x the far-field profile; planar "
-        f"{1e3 * times.robust_planar_s:.1f} ms, {times.robust_planar_s / times.robust_3d_s:.2f} of it"
+        f"{1e3 * times.robust_planar_s:.1f} ms, {times.robust_planar_s / times.robust_3d_s:.3f} of it"
     )
     links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
     click.echo(f"transmitters in one iteration: {links}")

@@ -28,7 +28,7 @@ from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 
 DELAYS_NS: Sequence[float | None] = (5.0, 6.0, 7.0, 8.0, 10.0, 12.0)
-SCALES: Sequence[tuple[int, ...]] = ((1, 2, 4), (1, 2, 4, 8))
+SCALES: Sequence[tuple[int, ...]] = ((1, 2, 4), (1, 2, 4, 8), (1, 2, 4, 8, 16))
 BINS_WAVELENGTHS: Sequence[float] = (1 / 20, 1 / 13.5, 1 / 9)
 _BOOTSTRAPS = 2000
 DEFAULT = RobustOptions()

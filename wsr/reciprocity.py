@@ -25,7 +25,7 @@ TWO_APART = np.flatnonzero(np.diff(SUBCARRIERS_20MHZ) == 2)
 """Positions whose next subcarrier is two steps on: 27 of 29."""
 
 _LANES = 16
-_STEPS = 3
+_STEPS = 2
 _TURN = np.float32(1 / (2 * math.pi))
 _LEAST = np.float32(1e-18)
 # A residual frequency of the one-way phase, from motion and what is left of the carrier offset, is followed with this
