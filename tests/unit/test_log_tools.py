@@ -17,6 +17,7 @@ import pytest
 from companion.cli import main
 from companion.errors import CompanionError
 from companion.log.merge import merge
+from companion.log.repair import copy
 from companion.log.writer import LogWriter
 from companion.log_reader import LogScan, open_session
 from companion.streams import CSI, POSE_IN, VEHICLE
@@ -112,12 +113,33 @@ def test_damage_costs_what_it_touched_and_a_replay_ends_before_it(cli: Run, tmp_
 def test_a_damaged_first_chunk_costs_no_channel_of_the_others(tmp_path: Path, removed: int) -> None:
     """Channels are told once, in the first chunk, and again at the end, wherever that has moved to."""
     content = bytearray(FLIGHT.read_bytes())
-    at = content.index(b"zstd") + 200
+    at = content.index(b"\x04\0\0\0zstd") + 200  # not the word in the configuration
     content[at] ^= 0x55
     del content[at + 1 : at + 1 + removed]
     hurt = tmp_path / "hurt.mcap"
     hurt.write_bytes(content)
     assert {message.topic for message in LogScan(hurt)} >= {"/csi", "/pose/in", "/tick", "/vehicle", "/setpoint"}
+
+
+@pytest.mark.parametrize("removed", [0, 50])
+def test_a_damaged_first_chunk_of_a_log_that_was_cut_costs_that_chunk(tmp_path: Path, removed: int) -> None:
+    """Without an index: channels are told once more behind the second chunk."""
+    log = tmp_path / "log.mcap"
+    with log.open("wb") as file:
+        writer = LogWriter(file, dict(open_session(FLIGHT).metadata))
+        first_chunk = 0
+        for message in LogScan(FLIGHT):
+            copy(writer, message)
+            first_chunk += writer.chunks == 0
+    content = bytearray(log.read_bytes()[:400_000])
+    log.write_bytes(content)
+    unhurt = list(LogScan(log))
+    at = content.index(b"\x04\0\0\0zstd") + 200  # not the word in the configuration
+    content[at] ^= 0x55
+    del content[at + 1 : at + 1 + removed]
+    log.write_bytes(content)
+    assert list(LogScan(log)) == unhurt[first_chunk + 1 :]
+    assert len(unhurt) > 3 * first_chunk
 
 
 def test_export_of_a_merged_log_keeps_the_robots_apart(cli: Run, tmp_path: Path) -> None:
