@@ -67,7 +67,8 @@ def test_the_commands_import_replay_and_report(run: RunFolder, tmp_path: Path, r
     assert list((tmp_path / "pictures").glob("*.png"))
     cli("report", log, "-o", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 3
+    assert "packet and pairing rates of each transmitter" in page
     assert "http" not in page
     assert cli("log", "export", log, "--out", tmp_path / "files").count(".dat") >= 2
     assert cli("log", "export", log, "--to", "tum", "--out", tmp_path / "tum").count(".tum") >= 1
