@@ -324,7 +324,8 @@ def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joi
         heard = heard_s(scene.rx, mac)
         result = replace(result, mac=mac, times=PacketTimes(heard))
         exchanges = join(scene.rx, tx, mac, scene.as_sent)
-        result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped)
+        times = PacketTimes(heard, exchanges.t_s)
+        result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped, times=times)
         p_m, inside = interpolate(exchanges.t_s, scene.trajectory.t_s, scene.p_antenna_m, _MAX_POSE_GAP_S)
         if not np.any(inside):
             raise RecordingError(
@@ -333,7 +334,7 @@ def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joi
         outside = int(np.count_nonzero(~inside))
         result = replace(result, dropped={**exchanges.dropped, **({OUTSIDE: outside} if outside else {})})
         t_s = exchanges.t_s[inside]
-        result = replace(result, times=PacketTimes(heard, t_s))
+        result = replace(result, times=replace(times, used_s=t_s))
         aperture = make_aperture(
             t_s,
             p_m[inside],

@@ -66,10 +66,11 @@ class Exchanges:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PacketTimes:
-    """Of one transmitter's packets, on the receiving robot's clock [s]: when it heard them (N,), and when those that
-    make its aperture (M,)."""
+    """Of one transmitter's packets, on the receiving robot's clock [s]: when it heard them (N,), those of them that are
+    usable round trips (K,), and those of these that make its aperture (M,)."""
 
     heard_s: Times
+    paired_s: Times = field(default_factory=lambda: np.empty(0))
     used_s: Times = field(default_factory=lambda: np.empty(0))
 
 

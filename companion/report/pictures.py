@@ -177,20 +177,21 @@ def path_of(p_m: npt.NDArray[np.float64], bearings: Sequence[tuple[str, float]])
 
 
 def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
-    """Of each transmitter of a recording (name, its packets' times), in each second: packets heard, and how many of
-    them were paired and used; PNG."""
-    figure, (packets, pairs) = _figure(9, 5, 2)
-    heard = np.concatenate([times.heard_s for _, times in links])
-    start_s = float(heard.min())
-    edges_s = start_s + np.arange(0.0, max(1.0, np.floor(np.ptp(heard))) + 1)
+    """Of each transmitter of a recording (name, its packets' times), in each second: packets heard, and which share of
+    them was paired, and used for its aperture; PNG."""
+    figure, (packets, pairs, used) = _figure(9, 7, 3)
+    heard_s = np.concatenate([times.heard_s for _, times in links])
+    edges_s = heard_s.min() + np.arange(0.0, max(1.0, np.floor(np.ptp(heard_s))) + 1)
     for (name, times), (shade, style) in zip(links, itertools.cycle(_LINES), strict=False):
-        count, used = (np.histogram(t_s, edges_s)[0] for t_s in (times.heard_s, times.used_s))
-        share = 100 * used / np.where(count > 0, count, math.nan)
-        packets.plot(edges_s[:-1] - start_s, count, style, color=shade, label=name)
-        pairs.plot(edges_s[:-1] - start_s, share, style, color=shade, label=name)
-    packets.set(ylabel="packets/s", ylim=(0, None), title="what was heard")
-    pairs.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="paired and used in each second")
+        counts = [np.histogram(t_s, edges_s)[0] for t_s in (times.heard_s, times.paired_s, times.used_s)]
+        of_heard = 100 / np.where(counts[0] > 0, counts[0], math.nan)
+        lines = counts[0], counts[1] * of_heard, counts[2] * of_heard
+        for axes, values in zip((packets, pairs, used), lines, strict=True):
+            axes.plot(edges_s[:-1] - edges_s[0], values, style, color=shade, label=name)
+    packets.set(ylabel="packets/s", ylim=(0, 1.1 * packets.dataLim.y1), title="what was heard")
     packets.legend(fontsize=8)
+    pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired")
+    used.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="used: paired, while there were poses")
     return _png(figure)
 
 

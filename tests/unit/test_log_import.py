@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from companion.analysis import Options, analyze_run
+from companion.analysis import OUTSIDE, Options, analyze_run
 from companion.analysis_report import as_json
 from companion.cli import main
 from companion.log.recording import analyze_session, export_run, import_run
@@ -48,7 +48,13 @@ def test_a_run_comes_back_from_its_log_and_gives_the_same_bearing(run: RunFolder
     (found,) = find_runs(run.folder)
     log = tmp_path / "run.mcap"
     import_run(found, log, Options())
-    assert links(analyze_session(open_session(log))) == links(analyze_run(found, Options()))
+    result = analyze_session(open_session(log))
+    assert links(result) == links(analyze_run(found, Options()))
+    for link in result.links:
+        assert link.times is not None
+        unpaired = sum(count for reason, count in link.dropped.items() if reason != OUTSIDE)
+        assert (len(link.times.heard_s), len(link.times.paired_s)) == (link.packets, link.packets - unpaired)
+        assert len(link.times.used_s) == len(link.times.paired_s) - link.dropped.get(OUTSIDE, 0) > 0
     back, scene = export_run(open_session(log), tmp_path / "back")
     assert back.rx is not None
     assert found.rx is not None
