@@ -219,10 +219,11 @@ def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
     assert len(open_session(path).paths) == 1  # each is a recording of its own
 
 
-def test_files_turn_over_and_read_as_one(tmp_path: Path) -> None:
+def test_files_turn_over_and_read_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.recorder._CHUNK_S", 0.1)
     path = tmp_path / "log.mcap"
     own = clock()
-    recorder = McapRecorder(path, settings(rotate_s=0.6, compression="lz4"), own)
+    recorder = McapRecorder(path, settings(rotate_s=0.2, compression="lz4"), own)
     total = 0
     while len(parts_beside(path)) < 3:
         with own.event(total):
