@@ -297,6 +297,26 @@ def test_a_chunk_ends_when_it_is_full_or_its_oldest_message_is_old(
     assert sum(_chunk_sizes(tmp_path / "log.mcap")) > 3_000 * 260
 
 
+@pytest.mark.parametrize("since_sync_s", [0.0, 1e3])
+def test_a_chunk_goes_to_the_disk_unless_the_next_is_within_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, since_sync_s: float
+) -> None:
+    """`since_sync_s`: after so long a chunk is synced."""
+    monkeypatch.setattr("companion.recorder._SYNC_S", 0.85 + since_sync_s)
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
+    recorder = McapRecorder(tmp_path / "log.mcap", CONFIG, clock())
+    for number in range(1_000):
+        recorder.record(CSI, number, b"\xbb" + number.to_bytes(4, "little") * 57)
+    recorder.close()
+    chunks = _chunk_sizes(tmp_path / "log.mcap")
+    assert len(chunks) == 4
+    full = 0 if since_sync_s else 3  # the last one is synced with the index
+    assert len(synced) == full + 1
+    assert synced == sorted(set(synced))
+    assert synced[-1] == (tmp_path / "log.mcap").stat().st_size
+
+
 def test_every_stream_has_a_topic_of_its_own() -> None:
     topics = [stream.topic for stream in STREAMS]
     assert len(set(topics)) == len(topics)
