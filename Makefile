@@ -81,9 +81,12 @@ golden: $(VENV)/dev.stamp
 SEEDS := 1 2 3 4 5 6 7 8 9 10
 MAX_TIME := 240
 replay-seeds: .venv
+	@rm -rf build/seeds && mkdir -p build/seeds
 	@for seed in $(SEEDS); do \
-		$(BIN)/companion demo --seed $$seed --max-time $(MAX_TIME) --out build/seeds/$$seed > /dev/null 2>&1; \
-		$(BIN)/companion replay build/seeds/$$seed/log.mcap --check || exit 1; \
+		$(BIN)/companion demo --seed $$seed --max-time $(MAX_TIME) --out build/seeds/$$seed > build/seeds/$$seed.txt 2>&1; \
+		echo "seed $$seed: $$(grep -m 1 'after engaging' build/seeds/$$seed.txt || tail -1 build/seeds/$$seed.txt)"; \
+		$(BIN)/companion replay build/seeds/$$seed/log.mcap --check > build/seeds/$$seed.check 2>&1 || { cat build/seeds/$$seed.check; exit 1; }; \
+		echo "  replay: $$(tail -1 build/seeds/$$seed.check)"; \
 	done
 
 check: $(VENV)/dev.stamp

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
-from companion.exchanges import damage, join, read_log, senders, transmitter_mac
+from companion.exchanges import PacketTimes, damage, heard_s, join, read_log, senders, transmitter_mac
 from companion.messages import Vector3
 from companion.recordings import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Truth, read_truth
 from companion.trajectories import PoseKind, Trajectory, read_trajectory
@@ -70,6 +70,7 @@ class LinkResult:
     problem: str | None = None
     notes: tuple[str, ...] = ()
     """What to know about its log and its estimate, where there is one."""
+    times: PacketTimes | None = None
 
     @property
     def used(self) -> int:
@@ -319,10 +320,12 @@ def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joi
     try:
         tx = read_log(path)
         result = replace(result, notes=tuple(damage(tx)))
-        result = replace(result, mac=transmitter_mac(name, scene.rx, tx, given_mac))
-        assert result.mac is not None
-        exchanges = join(scene.rx, tx, result.mac, scene.as_sent)
-        result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped)
+        mac = transmitter_mac(name, scene.rx, tx, given_mac)
+        heard = heard_s(scene.rx, mac)
+        result = replace(result, mac=mac, times=PacketTimes(heard))
+        exchanges = join(scene.rx, tx, mac, scene.as_sent)
+        times = PacketTimes(heard, exchanges.t_s)
+        result = replace(result, packets=exchanges.packets, dropped=exchanges.dropped, times=times)
         p_m, inside = interpolate(exchanges.t_s, scene.trajectory.t_s, scene.p_antenna_m, _MAX_POSE_GAP_S)
         if not np.any(inside):
             raise RecordingError(
@@ -331,6 +334,7 @@ def _joined(scene: _Scene, name: str, path: Path, given_mac: str | None) -> _Joi
         outside = int(np.count_nonzero(~inside))
         result = replace(result, dropped={**exchanges.dropped, **({OUTSIDE: outside} if outside else {})})
         t_s = exchanges.t_s[inside]
+        result = replace(result, times=replace(times, used_s=t_s))
         aperture = make_aperture(
             t_s,
             p_m[inside],

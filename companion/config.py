@@ -218,9 +218,10 @@ class RecorderConfig:
     queue_messages: Annotated[int, Meta(ge=100)] = 20000
     """Messages that wait for the disk; more are dropped and counted."""
     compression: Literal["zstd", "lz4"] = "zstd"
-    chunk_kb: Annotated[int, Meta(ge=64, le=256)] = 128
-    rotate_mb: Positive = 256.0
-    """A file of this size is finished and the next begun."""
+    chunk_kb: Annotated[int, Meta(ge=64, le=256)] = 64
+    """A chunk ends at this size before compression, or after 0.85 s."""
+    rotate_mb: Annotated[float, Meta(ge=2)] = 256.0
+    """A file is finished and the next begun before it exceeds this size."""
     rotate_s: Positive = 1800.0
     """So is one of this age."""
     budget_mb: Positive = 4096.0

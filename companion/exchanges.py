@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -62,6 +62,16 @@ class Exchanges:
     """Records of this transmitter in the receiver's log."""
     dropped: dict[str, int]
     """How many of them are not used, by reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PacketTimes:
+    """Of one transmitter's packets, on the receiving robot's clock [s]: when it heard them (N,), those of them that are
+    usable round trips (K,), and those of these that make its aperture (M,)."""
+
+    heard_s: Times
+    paired_s: Times = field(default_factory=lambda: np.empty(0))
+    used_s: Times = field(default_factory=lambda: np.empty(0))
 
 
 def read_log(path: Path) -> CsiLog:
@@ -155,6 +165,12 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
         packets=len(ours),
         dropped={reason: count for reason, count in dropped.items() if count},
     )
+
+
+def heard_s(rx: CsiLog, mac: str) -> Times:
+    """(N,) when the receiving robot heard `mac`, as in `Exchanges.t_s`, paired or not; less those of unknown time."""
+    t_s: Times = host_times_s(rx.timestamp_low_us, rx.host_time_s)[rx.mac == mac]
+    return np.compress(np.isfinite(t_s), t_s)
 
 
 def _check_same_run(rx: CsiLog, t_rx_s: Times, tx: CsiLog, t_tx_s: Times) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import importlib.metadata
 import json
 import logging
+import math
 import queue
 import struct
 import threading
@@ -19,12 +20,18 @@ import msgspec
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.event_clock import EventClock
-from companion.log.parts import LogPart, open_part
+from companion.log.parts import LogPart, open_part, remove_oldest
 from companion.streams import Stream
 
 _log = logging.getLogger(__name__)
-_FLUSH_S: Final = 0.5  # what a kill may cost at most
-_SYNC_S: Final = 1.0  # what a power cut may cost at most, and the time the disk takes
+_CHUNK_S: Final = 0.85
+"""The oldest message of a chunk waits no longer than this: what a kill may cost, less than a second by a margin for a
+writer that is not scheduled at once."""
+_SYNC_S: Final = 1.0
+"""What a power cut may cost at most, and the time the disk takes."""
+_IDLE_S: Final = 0.5
+_LARGEST_BYTES: Final = 512 << 10
+"""No message is larger than this, by far: an aperture of 1000 packets measures 50 kB, a profile 65."""
 _RETRY_S: Final = 5.0
 _CLOSE_S: Final = 10.0
 
@@ -33,7 +40,7 @@ _NOT_ENCODED: Final = (
     ValueError, TypeError, ArithmeticError, LookupError, AttributeError, struct.error, msgspec.MsgspecError, Warning
 )  # fmt: skip
 
-_Item = tuple[Stream, int, int, int, Any]
+_Item = tuple[float, Stream, int, int, int, Any]
 
 
 class Recorder(Protocol):
@@ -91,7 +98,7 @@ class McapRecorder:
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         """Queues bytes as they are, or a frozen message to be encoded by the writer."""
-        item = (stream, self._clock.now_ns(), t_mono_ns, self._clock.number & 0xFFFFFFFF, message)
+        item = (time.monotonic(), stream, self._clock.now_ns(), t_mono_ns, self._clock.number & 0xFFFFFFFF, message)
         try:
             self._queue.put_nowait(item)
         except queue.Full:
@@ -119,73 +126,75 @@ class McapRecorder:
             self._thread.join(_CLOSE_S)
 
     def _write_all(self) -> None:
-        next_flush = next_sync = time.monotonic()
-        retry = 0.0
+        retry_s = 0.0
         running = True
         while running:
-            now = time.monotonic()
             try:
-                if self._part is None and now >= retry:
+                if self._part is None and time.monotonic() >= retry_s:
                     self._part = self._next_part()
-                if self._part is not None and now >= next_flush:
-                    next_flush = now + _FLUSH_S
-                    self._part.flush(sync=now >= next_sync)
-                    next_sync = now + _SYNC_S if now >= next_sync else next_sync
-                    self._turn_over()
-                running = self._write_some(max(0.01, next_flush - time.monotonic()))
+                running = self._write_next()
             except (OSError, CompanionError) as error:
                 self._lose_part(error)
-                retry = time.monotonic() + _RETRY_S
+                retry_s = time.monotonic() + _RETRY_S
         with contextlib.suppress(OSError):
             if self._part is not None:
                 self._part.finish()
 
-    def _write_some(self, wait_s: float) -> bool:
-        """Writes what is queued, for `wait_s` at most; False at the end."""
-        until = time.monotonic() + wait_s
-        while (left_s := until - time.monotonic()) > 0:
-            try:
-                item = self._queue.get(timeout=left_s)
-            except queue.Empty:
-                return True
-            if item is None:
-                return False
-            if self._part is None:
-                self.dropped += 1
-                continue
-            self._write(self._part, item)
+    def _write_next(self) -> bool:
+        """Writes one message, or ends a chunk that is old; False at the end. An old chunk still takes what waits in the
+        queue, so that a disk that was slow does not make many small ones."""
+        part = self._part
+        due_s = (math.inf if part is None else part.oldest_s) + _CHUNK_S
+        try:
+            item = self._queue.get(timeout=max(0.0, min(_IDLE_S, due_s - time.monotonic())))
+        except queue.Empty:
+            if part is not None and time.monotonic() >= due_s:
+                part.end_chunk()
+                self._chunk_ended(part)
+            return True
+        if item is None:
+            return False
+        if part is None:
+            self.dropped += 1
+        elif self._write(part, item):
+            self._chunk_ended(part)
         return True
 
-    def _write(self, part: LogPart, item: _Item) -> None:
-        """One message. One that cannot be encoded costs itself and nothing else."""
-        stream, log_ns, own_ns, event, message = item
+    def _write(self, part: LogPart, item: _Item) -> bool:
+        """One message; whether a chunk ended with it. One that cannot be encoded costs itself and nothing else."""
+        taken_s, stream, log_ns, own_ns, event, message = item
         offset_ns = self._wall_minus_mono_ns
         try:
-            part.write(stream, log_ns + offset_ns, own_ns + offset_ns, event, message)
+            has_ended = part.write(stream, log_ns + offset_ns, own_ns + offset_ns, event, message, taken_s)
         except _NOT_ENCODED as error:
             if not self.malformed:
                 _log.error("%s: a message cannot be recorded: %s", stream.topic, error)
             self.malformed += 1
             self.dropped += 1
-            return
+            return False
+        except OSError:  # what was in its chunk before it is counted by whoever closes the file
+            self.dropped += 1
+            raise
         self.written += 1
+        return has_ended
 
-    def _turn_over(self) -> None:
-        assert self._part is not None
-        limit_s, limit_bytes = self._settings.rotate_s, self._settings.rotate_mb * 1e6
-        if self._part.size_bytes < limit_bytes and self._part.age_s < limit_s:
-            return
-        finished, self._part = self._part, None
-        finished.finish()
-        self._part = self._next_part()
+    def _chunk_ended(self, part: LogPart) -> None:
+        """To the disk, unless the next chunk is still within a second of the last sync; and on to the next file before
+        this one could exceed its size."""
+        part.sync(unless_within_s=_SYNC_S - _CHUNK_S)
+        room_bytes = 2 * (self._settings.chunk_kb << 10) + _LARGEST_BYTES  # of the next chunk, its messages' index too
+        is_full = part.finished_bytes + room_bytes > self._settings.rotate_mb * 1e6
+        if is_full or part.age_s >= self._settings.rotate_s:
+            part.finish()
+            self._part = self._next_part()
 
     def _next_part(self) -> LogPart:
+        """The others are made to fit first, with room for this one to grow."""
         settings = self._settings
+        self.removed_files += remove_oldest(self._path, round((settings.budget_mb - settings.rotate_mb) * 1e6))
         metadata = self._metadata | {"part": str(self._part_number)}
         part = open_part(self._path, metadata, settings.compression, settings.chunk_kb << 10)
         self._part_number += 1
-        budget_bytes = round((settings.budget_mb - settings.rotate_mb) * 1e6)
-        self.removed_files += part.remove_oldest(max(0, budget_bytes))
         return part
 
     def _lose_part(self, error: Exception) -> None:

@@ -52,7 +52,8 @@ def merge(
     if ulog is not None:
         opened = Ulog(ulog)
         offset_s, rms_m = clock_offset_s(ulog, opened.positions(), _vehicle_track(base))
-        joined.append(Joined(ulog, PREFIX, offset_s, f"positions agree to {rms_m:.2f} m"))
+        damaged = "; damaged, what could be read is there" if opened.is_damaged else ""
+        joined.append(Joined(ulog, PREFIX, offset_s, f"positions agree to {rms_m:.2f} m{damaged}"))
         sources.append(_px4(opened, round(offset_s * 1e9)))
     try:
         with target.open("xb") as file:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import math
 import os
 import re
 import time
@@ -19,33 +20,47 @@ from companion.streams import Stream
 class LogPart:
     """One file being written. Locked (flock) while it is, so that nobody takes it for finished."""
 
-    def __init__(self, first: Path, path: Path, file: BinaryIO, writer: LogWriter) -> None:
-        self._first = first
-        self._path = path
+    def __init__(self, file: BinaryIO, writer: LogWriter) -> None:
         self._file = file
         self._writer = writer
-        self._start = time.monotonic()
-        self._unflushed = 0
+        self._start_s = self._synced_s = time.monotonic()
+        self._waiting = 0
+        self.oldest_s = math.inf
+        """When the oldest message of the chunk that has not ended was taken (monotonic); inf while it is empty."""
 
     @property
-    def size_bytes(self) -> int:
-        """Of what has been flushed."""
-        return self._file.tell()
+    def finished_bytes(self) -> int:
+        """What the file would measure, finished at the end of this chunk; at most."""
+        return self._file.tell() + self._writer.index_bytes
 
     @property
     def age_s(self) -> float:
-        return time.monotonic() - self._start
+        return time.monotonic() - self._start_s
 
-    def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, event: int, message: Any) -> None:
-        self._unflushed += 1
+    def write(
+        self, stream: Stream, log_time_ns: int, publish_time_ns: int, event: int, message: Any, taken_s: float
+    ) -> bool:
+        """Whether that made the chunk full and ended it. `taken_s` as in `oldest_s`. Raises OSError."""
+        chunks = self._writer.chunks
+        self.oldest_s = min(self.oldest_s, taken_s)
         self._writer.write(stream, log_time_ns, publish_time_ns, event, message)
+        if self._writer.chunks == chunks:
+            self._waiting += 1
+            return False
+        # Views of the message may be in the next chunk already.
+        self._waiting, self.oldest_s = (1, taken_s) if self._writer.open_bytes else (0, math.inf)
+        return True
 
-    def flush(self, sync: bool) -> None:
-        """Ends the chunk; with `sync` it is on the disk when this returns. Raises OSError."""
-        self._writer.flush()
-        if sync:
+    def end_chunk(self) -> None:
+        """Raises OSError."""
+        self._writer.end_chunk()
+        self._waiting, self.oldest_s = 0, math.inf
+
+    def sync(self, unless_within_s: float) -> None:
+        """What is in the file is on the disk when this returns, unless that was so a moment ago. Raises OSError."""
+        if time.monotonic() - self._synced_s >= unless_within_s:
             os.fsync(self._file.fileno())
-        self._unflushed = 0
+            self._synced_s = time.monotonic()
 
     def finish(self) -> None:
         """Raises OSError."""
@@ -58,28 +73,14 @@ class LogPart:
         """Lets go of a file that cannot be written any more; how many messages of it are lost."""
         with contextlib.suppress(OSError):  # the same error again, from what was still buffered
             self._file.close()
-        return self._unflushed
-
-    def remove_oldest(self, budget_bytes: int) -> int:
-        """Removes the oldest finished files of this recording's name until the others fit; how many went."""
-        removed = 0
-        others = [path for path in parts_beside(self._first) if path != self._path]
-        sizes = {path: path.stat().st_size for path in others}
-        for path in others:
-            if sum(sizes.values()) <= budget_bytes:
-                break
-            if not _is_being_written(path):
-                path.unlink(missing_ok=True)
-                del sizes[path]
-                removed += 1
-        return removed
+        return self._waiting
 
 
 def open_part(first: Path, metadata: Mapping[str, str], compression: Compression, chunk_bytes: int) -> LogPart:
     """The next free file of a recording. Raises CompanionError when it cannot be created."""
     try:
         first.parent.mkdir(parents=True, exist_ok=True)
-        path, file = _create(first)
+        file = _create(first)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             writer = LogWriter(file, metadata, compression, chunk_bytes)
@@ -88,9 +89,27 @@ def open_part(first: Path, metadata: Mapping[str, str], compression: Compression
             with contextlib.suppress(OSError):
                 file.close()
             raise
-        return LogPart(first, path, file, writer)
+        return LogPart(file, writer)
     except OSError as error:
         raise CompanionError(f"{first}: cannot write the log: {error.strerror}") from None
+
+
+def remove_oldest(first: Path, budget_bytes: int) -> int:
+    """Removes the oldest finished files of a recording's name until all of them fit; how many went. Raises
+    CompanionError when they cannot be removed."""
+    removed = 0
+    try:
+        sizes = {path: path.stat().st_size for path in parts_beside(first)}
+        for path in list(sizes):
+            if sum(sizes.values()) <= budget_bytes:
+                break
+            if not _is_being_written(path):
+                path.unlink(missing_ok=True)
+                del sizes[path]
+                removed += 1
+    except OSError as error:
+        raise CompanionError(f"{first}: cannot write the log: {error.strerror}") from None
+    return removed
 
 
 def parts_beside(first: Path) -> list[Path]:
@@ -106,9 +125,9 @@ def _files(folder: Path) -> Iterator[Path]:
         yield from (path for path in folder.iterdir() if path.is_file())
 
 
-def _create(first: Path) -> tuple[Path, BinaryIO]:
+def _create(first: Path) -> BinaryIO:
     if first.is_char_device():
-        return first, first.open("wb")
+        return first.open("wb")
     there = parts_beside(first)
     number = 0
     if there:
@@ -117,7 +136,7 @@ def _create(first: Path) -> tuple[Path, BinaryIO]:
     while True:
         path = first if number == 0 else first.with_suffix(f".{number}{first.suffix}")
         with contextlib.suppress(FileExistsError):
-            return path, path.open("xb")
+            return path.open("xb")
         number += 1
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +20,32 @@ _POSITION: Final = "vehicle_local_position"
 _STEP_S: Final = 0.1
 _WORST_M: Final = 0.5
 
+_TIME: Final = "timestamp"
+_PADDING: Final = "_padding"
+_UNREADABLE: Final = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, EOFError, MemoryError)
+"""What the parser stumbles over in a file that is damaged."""
+
+_HEADER_BYTES: Final = 3
+_MOST_BACK: Final = 100
+
 Floats = npt.NDArray[np.float64]
+
+
+class _Forward(io.BufferedReader):
+    """The parser goes round in circles in some files that are damaged and cut: this ends it. In others it goes back to
+    the header of a message a few times, where sections begin."""
+
+    _furthest = 0
+    _times_back = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size == _HEADER_BYTES:
+            at = self.tell()
+            self._times_back += at < self._furthest
+            self._furthest = max(self._furthest, at)
+            if self._times_back > _MOST_BACK:
+                raise EOFError("damaged, and cut off where its formats should be")
+        return super().read(size)
 
 
 class Ulog:
@@ -30,26 +58,44 @@ class Ulog:
 
         self.path = path
         try:
-            with path.open("rb") as file:  # given its name, it leaves a bad file open
+            # Given its name, it leaves a bad file open; and what it says of damage it prints.
+            with _Forward(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
                 self._log = ULog(file)
-        except (ULogException, OSError, TypeError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
+        except (ULogException, struct.error, OSError, *_UNREADABLE) as error:
             raise CompanionError(f"{path}: not a readable .ulg file: {error}") from None
+
+    @property
+    def is_damaged(self) -> bool:
+        """Whether some of it could not be read."""
+        return bool(self._log.file_corruption)
 
     def messages(self) -> Iterator[tuple[str, int, bytes]]:
         """(topic, time [ns] since the autopilot's boot, JSON) of all topics, one topic after the other."""
         for data in self._log.data_list:
+            if _TIME not in data.data:  # a format that was damaged
+                continue
             topic = f"{PREFIX}{data.name}" + (f"_{data.multi_id}" if data.multi_id else "")
-            columns = {name: values.tolist() for name, values in data.data.items()}
-            for index, t_us in enumerate(columns["timestamp"]):
+            columns = {name: values.tolist() for name, values in data.data.items() if _PADDING not in name}
+            for index, t_us in enumerate(columns[_TIME]):
                 row = {name: _plain(values[index]) for name, values in columns.items()}
                 yield topic, int(t_us) * 1000, json.dumps(row).encode()
 
     def positions(self) -> tuple[Floats, Floats]:
-        """Times (N,) [s since boot] and positions (N, 3) in the local frame, turned to ENU. Raises CompanionError."""
-        found = next((data.data for data in self._log.data_list if data.name == _POSITION), None)
-        if found is None or len(found["timestamp"]) < 2:
+        """Times (N,) [s since boot] and positions (N, 3) in the local frame, turned to ENU, in the order of time, less
+        those that the estimator called invalid. Raises CompanionError."""
+        named = (data.data for data in self._log.data_list if data.name == _POSITION)
+        found = next((columns for columns in named if {_TIME, "x", "y", "z"} <= columns.keys()), None)
+        if found is None:
             raise CompanionError(f"{self.path}: has no {_POSITION}; it cannot be paired by time")
-        return found["timestamp"] * 1e-6, np.stack([found["y"], found["x"], -found["z"]], axis=1).astype(float)
+        t_s = found[_TIME] * 1e-6
+        p_enu_m = np.stack([found["y"], found["x"], -found["z"]], axis=1).astype(float)
+        valid = np.all(np.isfinite(p_enu_m), axis=1)
+        for flag in ("xy_valid", "z_valid"):
+            valid &= found.get(flag, np.ones(len(t_s))) != 0
+        order = np.flatnonzero(valid)[np.argsort(t_s[valid], kind="stable")]
+        if len(order) < 2:
+            raise CompanionError(f"{self.path}: has no valid {_POSITION}; it cannot be paired by time")
+        return t_s[order], p_enu_m[order]
 
 
 def clock_offset_s(path: Path, ulog: tuple[Floats, Floats], flight: tuple[Floats, Floats]) -> tuple[float, float]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import Any, BinaryIO, Final, Literal
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
 from companion.log.encoding import encoded, schema_of, views
@@ -22,27 +25,55 @@ _COMPRESSION: Final[Mapping[Compression, CompressionType]] = {
 }
 
 
+# Bytes of MCAP records less their variable parts (https://mcap.dev/spec): what a message adds to its chunk, what a
+# chunk and each of its channels add to the index, and what stands in the index once.
+_MESSAGE_HEAD: Final = 31
+_CHUNK_INDEX: Final = 84
+_PER_CHANNEL: Final = 10
+_INDEX_ONCE: Final = 512
+
+
 class LogWriter:
-    """Writes to a binary `file`, which stays the caller's. The same messages give the same bytes."""
+    """Writes to a binary `file`, which stays the caller's. The same messages give the same bytes.
+
+    A chunk ends when it holds `chunk_bytes` before compression, or when the caller ends it. What a chunk tells of its
+    channels for the first time is told once more behind the chunk after it, so that a log that has lost its index and
+    this chunk can still be read.
+    """
 
     def __init__(
         self,
         file: BinaryIO,
         metadata: Mapping[str, str],
         compression: Compression = "zstd",
-        chunk_bytes: int = 128 << 10,
+        chunk_bytes: int = 64 << 10,
     ) -> None:
-        self._writer = Writer(file, chunk_size=chunk_bytes, compression=_COMPRESSION[compression])
+        self._file = file
+        self._chunk_bytes = chunk_bytes
+        self._writer = Writer(file, chunk_size=sys.maxsize, compression=_COMPRESSION[compression])
         self._writer.start(profile="", library=LIBRARY)
-        self._writer.add_metadata(METADATA, dict(metadata))
         self._channels: dict[tuple[str, str], int] = {}
         self._pose: Pose | None = None
+        self.chunks = 0
+        """Ended so far."""
+        self.open_bytes = 0
+        """In the chunk that has not ended, before compression."""
+        self._in_chunk: set[int] = set()
+        self._told = RecordBuilder()  # schemas and channels of the open chunk
+        self._told_before = b""  # and of the one before it
+        self._index_bytes = _INDEX_ONCE
+        self.add_metadata(METADATA, metadata)
+
+    @property
+    def index_bytes(self) -> int:
+        """What `finish` adds to the file behind the last chunk, at most."""
+        return self._index_bytes
 
     def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, sequence: int, message: Any) -> None:
         """One message with the views drawn from it. Times are wall times; `sequence` is the number of its event."""
         data, source = encoded(stream, publish_time_ns, message)
         channel = self._channel(stream.topic, stream.encoding, source)
-        self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
+        self._add(channel, log_time_ns, data, publish_time_ns, sequence)
         if isinstance(message, Pose):
             self._pose = message
         for view, drawn in views(stream, publish_time_ns, message, self._pose):
@@ -58,18 +89,36 @@ class LogWriter:
         data: bytes,
     ) -> None:
         """A message that is encoded already, with its schema (name, encoding, data) and its (log, publish) times."""
-        self._writer.add_message(self._registered(topic, encoding, schema), times_ns[0], data, times_ns[1], sequence)
+        self._add(self._registered(topic, encoding, schema), times_ns[0], data, times_ns[1], sequence)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         self._writer.add_metadata(name, dict(values))
+        self._index_bytes += 32 + len(name.encode())
 
-    def flush(self) -> None:
+    def end_chunk(self) -> None:
         """Ends the chunk, so that all messages so far are in the file."""
+        if not self.open_bytes:
+            return
         self._writer.flush()  # type: ignore[no-untyped-call]
+        if self._told_before:
+            self._file.write(self._told_before)
+            self._file.flush()
+        self._told_before = self._told.end()  # type: ignore[no-untyped-call]
+        self._index_bytes += _CHUNK_INDEX + _PER_CHANNEL * len(self._in_chunk)
+        self._in_chunk.clear()
+        self.open_bytes = 0
+        self.chunks += 1
 
     def finish(self) -> None:
         """Writes the index. The file is whole after this."""
         self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int, sequence: int) -> None:
+        self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
+        self._in_chunk.add(channel)
+        self.open_bytes += _MESSAGE_HEAD + len(data)
+        if self.open_bytes >= self._chunk_bytes:
+            self.end_chunk()
 
     def _channel(self, topic: str, encoding: str, source: Any) -> int:
         known = self._channels.get((topic, ""))
@@ -79,8 +128,19 @@ class LogWriter:
         """The channel of a topic; a second schema on one topic gets a second channel."""
         key = (topic, schema[0])
         if key not in self._channels:
-            name, kind, data = schema
-            schema_id = self._writer.register_schema(name, kind, data) if kind else 0
-            self._channels[key] = self._writer.register_channel(topic, encoding, schema_id)
+            self._channels[key] = self._register(topic, encoding, schema)
             self._channels.setdefault((topic, ""), self._channels[key])
         return self._channels[key]
+
+    def _register(self, topic: str, encoding: str, schema: tuple[str, str, bytes]) -> int:
+        name, kind, data = schema
+        before = self._told.count
+        schema_id = self._writer.register_schema(name, kind, data) if kind else 0
+        if kind:
+            Schema(id=schema_id, data=data, encoding=kind, name=name).write(self._told)
+        channel = self._writer.register_channel(topic, encoding, schema_id)
+        Channel(id=channel, topic=topic, message_encoding=encoding, schema_id=schema_id, metadata={}).write(self._told)
+        told = self._told.count - before
+        self.open_bytes += told
+        self._index_bytes += told + _PER_CHANNEL
+        return channel

@@ -78,7 +78,8 @@ class Replay:
             self._events += 1
             yield event
         if not self._events:
-            raise CompanionError(f"{self._session.paths[0]}: holds no input of the service; nothing to replay")
+            where = "before its first damaged place or its end" if self._is_cut else "of the service"
+            raise CompanionError(f"{self._session.paths[0]}: holds no input {where}; nothing to replay")
 
     def result(self) -> ReplayResult:
         """After the last event. That of a log that was cut off may lack its end: what it decided is left out."""

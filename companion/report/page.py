@@ -62,11 +62,19 @@ def recording_page(session: Session, scene: Scene, result: RunResult, path_png: 
             + (_image(pictures.profiles(tiles), "profiles") if tiles else "<p>None.</p>"),
         ),
         _section("Bearings", _link_table(result.links)),
+        _section("Rates", _recording_rates(result.links)),
         _section("What is wrong with the files", f"<ul>{problems}</ul>" if problems else "<p>Nothing.</p>"),
         _section("Scene", f"<pre>{html.escape(yaml.safe_dump(msgspec.to_builtins(scene), sort_keys=False))}</pre>"),
     ]
     facts = [("poses", str(result.kind)), ("links with a bearing", f"{len(estimated)} of {len(result.links)}")]
     return _page(f"Recording {scene.set_name} {scene.folder} {scene.stamp}", _summary(session, facts), sections)
+
+
+def _recording_rates(links: Sequence[LinkResult]) -> str:
+    heard = [(link.name, link.times) for link in links if link.times is not None and len(link.times.heard_s)]
+    if not heard:
+        return "<p>None: no packet has a time.</p>"
+    return _image(pictures.recording_rates(heard), "packet and pairing rates of each transmitter")
 
 
 def _flight_facts(content: FlightContent) -> list[tuple[str, str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, Final
@@ -13,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from companion.exchanges import PacketTimes
 from companion.report.content import FlightContent
 from companion.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from wsr.geometry import direction, great_circle
@@ -20,6 +22,9 @@ from wsr.geometry import direction, great_circle
 _DPI: Final = 90
 _BEARING_M: Final = 1.6
 _COLUMNS: Final = 4
+
+_LINES: Final = tuple(itertools.product(("0.0", "0.6"), ("-", "--", ":", "-.")))
+"""Shade and style, told apart in print."""
 
 Direction = tuple[float, float | None]
 """Azimuth and polar angle [rad], None where it is not observable."""
@@ -168,6 +173,25 @@ def path_of(p_m: npt.NDArray[np.float64], bearings: Sequence[tuple[str, float]])
     axes.set(xlabel="East [m]", ylabel="North [m]")
     axes.set_aspect("equal", adjustable="datalim")
     axes.legend(fontsize=8)
+    return _png(figure)
+
+
+def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
+    """Of each transmitter of a recording (name, its packets' times), in each second: packets heard, and which share of
+    them was paired, and used for its aperture; PNG."""
+    figure, (packets, pairs, used) = _figure(9, 7, 3)
+    heard_s = np.concatenate([times.heard_s for _, times in links])
+    edges_s = heard_s.min() + np.arange(0.0, max(1.0, np.floor(np.ptp(heard_s))) + 1)
+    for (name, times), (shade, style) in zip(links, itertools.cycle(_LINES), strict=False):
+        counts = [np.histogram(t_s, edges_s)[0] for t_s in (times.heard_s, times.paired_s, times.used_s)]
+        of_heard = 100 / np.where(counts[0] > 0, counts[0], math.nan)
+        lines = counts[0], counts[1] * of_heard, counts[2] * of_heard
+        for axes, values in zip((packets, pairs, used), lines, strict=True):
+            axes.plot(edges_s[:-1] - edges_s[0], values, style, color=shade, label=name)
+    packets.set(ylabel="packets/s", ylim=(0, 1.1 * packets.dataLim.y1), title="what was heard")
+    packets.legend(fontsize=8)
+    pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired")
+    used.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="used: paired, while there were poses")
     return _png(figure)
 
 

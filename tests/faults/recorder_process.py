@@ -9,9 +9,10 @@ from pathlib import Path
 from companion.clock import MonotonicClock
 from companion.config_file import load_config
 from companion.event_clock import EventClock
-from companion.messages import Pose, Setpoint, pose_bytes
+from companion.events import Tick
+from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes
 from companion.recorder import McapRecorder
-from companion.streams import CSI, POSE_IN, SETPOINT
+from companion.streams import CSI, NEIGHBOUR, POSE, POSE_IN, SETPOINT, TICK, VEHICLE
 
 _CONFIG = Path(__file__).resolve().parents[2] / "configs" / "uav.yaml"
 
@@ -20,15 +21,24 @@ def main() -> None:
     clock = EventClock(MonotonicClock())
     recorder = McapRecorder(Path(sys.argv[1]), load_config(_CONFIG), clock)
     print("recording", flush=True)
-    pose = pose_bytes(Pose(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3))
+    pose = Pose(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
+    position, velocity = (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)
+    vehicle = VehicleState(1, 1, FlightMode.OFFBOARD, 1, True, True, False, 1, position, velocity, 0.5, 0.9)
     start_ns = clock.now_ns()
     for number in range(10**9):
         time.sleep(max(0.0, (start_ns + number * 5_000_000 - clock.now_ns()) / 1e9))
         with clock.event() as now_ns:
-            recorder.record(POSE_IN, now_ns, pose)
-            recorder.record(CSI, now_ns, b"\xbb" + number.to_bytes(4, "little") * 57)
+            recorder.record(POSE_IN, now_ns, pose_bytes(pose))
+            if number % 4 == 0:
+                recorder.record(POSE, now_ns, pose)
+            else:
+                recorder.record(CSI, now_ns, b"\xbb" + number.to_bytes(4, "little") * 57)
             if number % 10 == 0:
-                recorder.record(SETPOINT, now_ns, Setpoint(now_ns, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0))
+                recorder.record(TICK, now_ns, Tick(now_ns))
+                recorder.record(VEHICLE, now_ns, vehicle)
+                recorder.record(SETPOINT, now_ns, Setpoint(now_ns, position, velocity, 0.0))
+            if number % 20 == 0:
+                recorder.record(NEIGHBOUR, now_ns, bytes(474))
 
 
 if __name__ == "__main__":

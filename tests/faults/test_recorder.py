@@ -61,10 +61,10 @@ def test_fault_25_every_truncated_prefix_opens(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     part = open_part(path, {"role": "uav", "config": "{}"}, "zstd", 65536)
     for number in range(12):
-        part.write(CSI, number, number, number, b"\xbb" + number.to_bytes(4, "little"))
-        part.write(TICK, number, number, number, Tick(number))
+        part.write(CSI, number, number, number, b"\xbb" + number.to_bytes(4, "little"), 0.0)
+        part.write(TICK, number, number, number, Tick(number), 0.0)
         if number % 3 == 2:
-            part.flush(sync=False)
+            part.end_chunk()
     part.finish()
     whole = path.read_bytes()
     counts = []
@@ -115,14 +115,14 @@ def test_fault_26_a_full_disk_is_counted_and_recording_goes_on_when_there_is_roo
 ) -> None:
     monkeypatch.setattr("companion.recorder._RETRY_S", 0.3)
     recorder = McapRecorder(small_disk / "log.mcap", CONFIG, EventClock(MonotonicClock()))
-    sent = _record_for(recorder, 0.8)
+    sent = _record_for(recorder, 0.6)
     ballast = _fill(small_disk)
-    sent += _record_for(recorder, 2.0)
+    sent += _record_for(recorder, 1.2)
     while_full = recorder.counters()
     assert while_full["failures"] >= 1
     assert while_full["dropped"] > 0
     ballast.unlink()
-    sent += _record_for(recorder, 2.0)
+    sent += _record_for(recorder, 1.0)
     recorder.close()
     counters = recorder.counters()
     assert counters["dropped"] + counters["written"] == sent
@@ -149,10 +149,12 @@ async def test_fault_26_a_full_disk_never_disturbs_the_set_point_stream(small_di
                 listening = asyncio.create_task(_listen(loop, sock, truths))
                 await _until(stage.control_socket, lambda status: not status["not_ready"])
                 assert (await ask(stage.control_socket, "engage"))["ok"]
-                await _until(stage.control_socket, lambda status: status["state"] == "approaching")
+                await _until(stage.control_socket, lambda status: status["state"] == "acquiring")
                 _fill(small_disk)
                 begin = truths[-1].vehicle
-                await asyncio.sleep(5.0)
+                # Through the end of the first aperture and its answer, on which it sets out.
+                await _until(stage.control_socket, lambda status: status["state"] == "approaching")
+                await asyncio.sleep(1.0)
                 end = truths[-1].vehicle
                 status = await ask(stage.control_socket, "status")
                 listening.cancel()

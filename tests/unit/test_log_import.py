@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from companion.analysis import Options, analyze_run
+from companion.analysis import OUTSIDE, Options, analyze_run
 from companion.analysis_report import as_json
 from companion.cli import main
 from companion.log.recording import analyze_session, export_run, import_run
@@ -48,7 +48,13 @@ def test_a_run_comes_back_from_its_log_and_gives_the_same_bearing(run: RunFolder
     (found,) = find_runs(run.folder)
     log = tmp_path / "run.mcap"
     import_run(found, log, Options())
-    assert links(analyze_session(open_session(log))) == links(analyze_run(found, Options()))
+    result = analyze_session(open_session(log))
+    assert links(result) == links(analyze_run(found, Options()))
+    for link in result.links:
+        assert link.times is not None
+        unpaired = sum(count for reason, count in link.dropped.items() if reason != OUTSIDE)
+        assert (len(link.times.heard_s), len(link.times.paired_s)) == (link.packets, link.packets - unpaired)
+        assert len(link.times.used_s) == len(link.times.paired_s) - link.dropped.get(OUTSIDE, 0) > 0
     back, scene = export_run(open_session(log), tmp_path / "back")
     assert back.rx is not None
     assert found.rx is not None
@@ -67,7 +73,8 @@ def test_the_commands_import_replay_and_report(run: RunFolder, tmp_path: Path, r
     assert list((tmp_path / "pictures").glob("*.png"))
     cli("report", log, "-o", tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 3
+    assert "packet and pairing rates of each transmitter" in page
     assert "http" not in page
     assert cli("log", "export", log, "--out", tmp_path / "files").count(".dat") >= 2
     assert cli("log", "export", log, "--to", "tum", "--out", tmp_path / "tum").count(".tum") >= 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,11 +16,13 @@ import pytest
 from companion.cli import main
 from companion.errors import CompanionError
 from companion.log.merge import merge
+from companion.log.repair import copy
 from companion.log.writer import LogWriter
 from companion.log_reader import LogScan, open_session
 from companion.streams import CSI, POSE_IN, VEHICLE
 from csi_bridge.dat import read_dat
 from tests.golden.golden_logs import GOLDEN
+from tests.ulog_file import ulog_of
 
 FLIGHT = GOLDEN[0]
 Run = Callable[..., tuple[int, str, str]]
@@ -112,12 +113,33 @@ def test_damage_costs_what_it_touched_and_a_replay_ends_before_it(cli: Run, tmp_
 def test_a_damaged_first_chunk_costs_no_channel_of_the_others(tmp_path: Path, removed: int) -> None:
     """Channels are told once, in the first chunk, and again at the end, wherever that has moved to."""
     content = bytearray(FLIGHT.read_bytes())
-    at = content.index(b"zstd") + 200
+    at = content.index(b"\x04\0\0\0zstd") + 200  # not the word in the configuration
     content[at] ^= 0x55
     del content[at + 1 : at + 1 + removed]
     hurt = tmp_path / "hurt.mcap"
     hurt.write_bytes(content)
     assert {message.topic for message in LogScan(hurt)} >= {"/csi", "/pose/in", "/tick", "/vehicle", "/setpoint"}
+
+
+@pytest.mark.parametrize("removed", [0, 50])
+def test_a_damaged_first_chunk_of_a_log_that_was_cut_costs_that_chunk(tmp_path: Path, removed: int) -> None:
+    """Without an index: channels are told once more behind the second chunk."""
+    log = tmp_path / "log.mcap"
+    with log.open("wb") as file:
+        writer = LogWriter(file, dict(open_session(FLIGHT).metadata))
+        first_chunk = 0
+        for message in LogScan(FLIGHT):
+            copy(writer, message)
+            first_chunk += writer.chunks == 0
+    content = bytearray(log.read_bytes()[:400_000])
+    log.write_bytes(content)
+    unhurt = list(LogScan(log))
+    at = content.index(b"\x04\0\0\0zstd") + 200  # not the word in the configuration
+    content[at] ^= 0x55
+    del content[at + 1 : at + 1 + removed]
+    log.write_bytes(content)
+    assert list(LogScan(log)) == unhurt[first_chunk + 1 :]
+    assert len(unhurt) > 3 * first_chunk
 
 
 def test_export_of_a_merged_log_keeps_the_robots_apart(cli: Run, tmp_path: Path) -> None:
@@ -170,17 +192,41 @@ def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(cli: Run, tmp_pa
     assert code == 0, err
     assert "+38.1230 s" in text
     times: dict[str, list[int]] = {}
-    positions: dict[str, Any] = {}
+    firsts: dict[str, bytes] = {}
     for message in LogScan(out):
         times.setdefault(message.topic, []).append(message.log_time_ns)
-        positions.setdefault(message.topic, message.data)
+        firsts.setdefault(message.topic, message.data)
     assert abs(times["/ground/csi"][0] - times["/csi"][0]) < 1_000_000
     ours = {m.topic: m.log_time_ns for m in session.messages({VEHICLE.topic})}
     assert times["/px4/vehicle_local_position"][-1] <= ours["/vehicle"] + 20_000_000
-    first = msgspec.json.decode(positions["/px4/vehicle_local_position"])
+    first = msgspec.json.decode(firsts["/px4/vehicle_local_position"])
     assert abs(first["timestamp"] * 1000 + boot_ns - times["/px4/vehicle_local_position"][0]) < 20_000_000
+    assert first["x"] is None  # the estimator was not ready yet, and JSON has no nan
+    battery = msgspec.json.decode(firsts["/px4/battery_status_1"])
+    assert battery | {"timestamp": 0} == {
+        "timestamp": 0, "voltage_v": pytest.approx(15.8), "remaining": None, "cell_count": 4,
+    }  # fmt: skip
+    assert "esc[1].esc_rpm" in msgspec.json.decode(firsts["/px4/esc_status"])
+    assert not any(b"_padding" in data for data in firsts.values())
     assert open_session(out).config() == session.config()
     assert cli("log", "merge", FLIGHT, beacon, "--out", out)[0] == 1
+
+
+def test_a_ulg_that_is_damaged_or_cut_gives_what_can_be_read_or_is_refused(cli: Run, tmp_path: Path) -> None:
+    ulg = tmp_path / "flight.ulg"
+    _write_ulog(ulg, open_session(FLIGHT))
+    content = bytearray(ulg.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 300] = bytes(300)
+    ulg.write_bytes(content[: len(content) - 1_001])
+    code, text, err = cli("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "out.mcap")
+    assert code == 0, err
+    assert "damaged, what could be read" in text
+    assert "corruption" not in text  # the parser's own print
+    ulg.write_bytes(content[:16] + 10 * b"\1\0F " + b"\x05\0\0")  # the parser alone never ends
+    code, _, err = cli("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "none.mcap")
+    assert code == 1
+    assert "not a readable .ulg file: damaged" in err
 
 
 def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(cli: Run, tmp_path: Path) -> None:
@@ -257,16 +303,6 @@ def _write_ulog(path: Path, session: Any, scale: float = 1.0) -> int:
         if state["p_local_enu_m"] is not None:
             rows.append((state["position_mono_ns"] + session.wall_minus_mono_ns, state["p_local_enu_m"]))
     boot_ns = rows[0][0] - 5_000_000_000
-    content = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
-    layout = b"vehicle_local_position:uint64_t timestamp;float x;float y;float z;"
-    name = b"vehicle_local_position"
-    content += _ulog_message(b"F", layout) + _ulog_message(b"A", struct.pack("<BH", 0, 0) + name)
-    for t_ns, (east, north, up) in rows:
-        values = (t_ns - boot_ns) // 1000, north * scale, east * scale, -up * scale
-        content += _ulog_message(b"D", struct.pack("<HQfff", 0, *values))
-    path.write_bytes(content)
+    ned = [((t_ns - boot_ns) // 1000, (north * scale, east * scale, -up * scale)) for t_ns, (east, north, up) in rows]
+    path.write_bytes(ulog_of(ned))
     return int(boot_ns)
-
-
-def _ulog_message(kind: bytes, body: bytes) -> bytes:
-    return struct.pack("<H", len(body)) + kind + body

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import logging
 import os
+import random
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import msgspec
 import numpy as np
 import pytest
+from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from companion.clock import ManualClock
@@ -20,7 +27,7 @@ from companion.errors import CompanionError
 from companion.event_clock import EventClock
 from companion.events import Tick
 from companion.log.foxglove import LogLine, power_of
-from companion.log.parts import open_part, parts_beside
+from companion.log.parts import open_part, parts_beside, remove_oldest
 from companion.log_reader import LogScan, open_session, read_log
 from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes, pose_of
 from companion.recorder import McapRecorder
@@ -212,10 +219,11 @@ def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
     assert len(open_session(path).paths) == 1  # each is a recording of its own
 
 
-def test_files_turn_over_and_read_as_one(tmp_path: Path) -> None:
+def test_files_turn_over_and_read_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.recorder._CHUNK_S", 0.1)
     path = tmp_path / "log.mcap"
     own = clock()
-    recorder = McapRecorder(path, settings(rotate_s=0.6, compression="lz4"), own)
+    recorder = McapRecorder(path, settings(rotate_s=0.2, compression="lz4"), own)
     total = 0
     while len(parts_beside(path)) < 3:
         with own.event(total):
@@ -241,12 +249,12 @@ def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path
     stranger = tmp_path / "other.mcap"
     stranger.write_bytes(bytes(100_000))
     for part in (parts[0], parts[2], parts[3]):
-        part.write(CSI, 1, 1, 1, os.urandom(10_000))
+        part.write(CSI, 1, 1, 1, os.urandom(10_000), 0.0)
         part.finish()
     # The first may go, the second is still being written, the third may go, the last is the newest finished one.
     newest = parts_beside(path)[-1].stat().st_size
     last = open_part(path, {}, "zstd", 65536)
-    assert last.remove_oldest(newest + 1_000) == 2
+    assert remove_oldest(path, newest + 1_000) == 2
     assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]
     assert stranger.exists()
     parts[1].finish()
@@ -254,9 +262,86 @@ def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path
     assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]
 
 
+def test_the_budget_holds_at_every_moment_and_every_file_keeps_its_size(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    recorder = McapRecorder(path, settings(rotate_mb=2.0, budget_mb=5.0, queue_messages=100), clock())
+    most = 0
+    for number in range(7_000):
+        recorder.record(CSI, number, b"\xbb" + random.Random(number).randbytes(1_500))
+        while recorder.counters()["queued"] > 50:
+            sizes = _sizes(path)
+            most = max(most, sum(sizes))
+            assert max(sizes) <= 2_000_000
+            recorder._thread.join(0.001)
+    recorder.close()
+    assert recorder.dropped == 0
+    assert recorder.removed_files >= 3
+    assert 3_000_000 < max(most, sum(_sizes(path))) <= 5_000_000
+    assert all(_is_whole(part) and part.stat().st_size <= 2_000_000 for part in parts_beside(path))
+
+
+def test_a_chunk_ends_when_it_is_full_or_its_oldest_message_is_old(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.recorder._CHUNK_S", 0.2)
+    recorder = McapRecorder(tmp_path / "log.mcap", CONFIG, clock())
+    for number in range(3_000):
+        recorder.record(CSI, number, b"\xbb" + number.to_bytes(4, "little") * 57)
+    while recorder.counters()["queued"] or len(sizes := _chunk_sizes(tmp_path / "log.mcap")) < 3_000 * 260 >> 16:
+        recorder._thread.join(0.01)  # full ones come at once
+    assert all(64 << 10 <= size <= (64 << 10) + 400 for size in sizes)
+    recorder.record(TICK, 1, Tick(1))
+    while not read_log(tmp_path / "log.mcap", {TICK.topic}):  # without any more coming
+        recorder._thread.join(0.01)
+    recorder.close()
+    assert sum(_chunk_sizes(tmp_path / "log.mcap")) > 3_000 * 260
+
+
+@pytest.mark.parametrize("since_sync_s", [0.0, 1e3])
+def test_a_chunk_goes_to_the_disk_unless_the_next_is_within_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, since_sync_s: float
+) -> None:
+    """`since_sync_s`: after so long a chunk is synced."""
+    monkeypatch.setattr("companion.recorder._SYNC_S", 0.85 + since_sync_s)
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
+    recorder = McapRecorder(tmp_path / "log.mcap", CONFIG, clock())
+    for number in range(1_000):
+        recorder.record(CSI, number, b"\xbb" + number.to_bytes(4, "little") * 57)
+    recorder.close()
+    chunks = _chunk_sizes(tmp_path / "log.mcap")
+    assert len(chunks) == 4
+    full = 0 if since_sync_s else 3  # the last one is synced with the index
+    assert len(synced) == full + 1
+    assert synced == sorted(set(synced))
+    assert synced[-1] == (tmp_path / "log.mcap").stat().st_size
+
+
 def test_every_stream_has_a_topic_of_its_own() -> None:
     topics = [stream.topic for stream in STREAMS]
     assert len(set(topics)) == len(topics)
+
+
+def _sizes(path: Path) -> list[int]:
+    """Of all files of a recording; one that is removed meanwhile is none."""
+    sizes = []
+    for part in parts_beside(path):
+        with contextlib.suppress(FileNotFoundError):
+            sizes.append(part.stat().st_size)
+    return sizes
+
+
+def _chunk_sizes(path: Path) -> list[int]:
+    """Before compression."""
+    with path.open("rb") as file:
+        return [record.uncompressed_size for record in _chunks(file)]
+
+
+def _chunks(file: BinaryIO) -> Iterator[Chunk]:
+    try:
+        yield from (record for record in StreamReader(file, emit_chunks=True).records if isinstance(record, Chunk))
+    except EndOfFile:
+        return
 
 
 def _is_whole(path: Path) -> bool:
