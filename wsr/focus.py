@@ -19,7 +19,7 @@ _LEAST_BEAM_WIDTHS = 0.05
 _LOG_RANGE_STEP, _LEAST_LOG_RANGE_STEP = 0.35, 0.08
 _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 80.0
 _POLE_RAD = 1e-3
-# Of the highest fused score on the first circle.
+# Of the highest fused score of the first look.
 _HOPEFUL = 0.4
 
 Array = NDArray[np.float64]
@@ -99,18 +99,18 @@ def look_around(
     ranges_m: Sequence[float | None],
     delay_ns: float | None,
 ) -> Look:
-    """The same over circles: the first one whole, of the others only the azimuths that have hope by it, 0 elsewhere.
+    """The same over circles: of the first one all azimuths, at a middle range; of all circles, and at every range, the
+    azimuths that have hope by that; 0 elsewhere.
 
-    Short sub-apertures see the azimuth of a source whose polar angle is another circle's.
+    Short sub-apertures see the azimuth of a source whatever its range and polar angle.
     """
-    u, rows = direction(*circles[:2]), circles[2]
-    first = score(parts, u[: rows[1]], ranges_m, delay_ns).score
-    hope = (first / first.max(axis=(1, 2), keepdims=True)).mean(axis=0).max(axis=1)
-    others = (rows[1:-1, None] + np.flatnonzero(hope > _HOPEFUL * hope.max())).ravel()
+    u, rows, middle = direction(*circles[:2]), circles[2], len(ranges_m) // 2
+    first = score(parts, u[: rows[1]], ranges_m[middle : middle + 1], delay_ns).score
+    hope = (first / first.max(axis=(1, 2), keepdims=True)).mean(axis=(0, 2))
+    hopeful = (rows[:-1, None] + np.flatnonzero(hope > _HOPEFUL * hope.max())).ravel()
     scores = np.zeros((len(first), len(u), len(ranges_m)), np.float32)
-    scores[:, : rows[1]] = first
-    if others.size:
-        scores[:, others] = score(parts, u[others], ranges_m, delay_ns).score
+    scores[:, : rows[1], middle] = first[:, :, 0]
+    scores[:, hopeful] = score(parts, u[hopeful], ranges_m, delay_ns).score
     return _fused(circles, scores, ranges_m)
 
 
