@@ -17,7 +17,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.analysis import DEFAULT_LEVERS_M
+from companion.analysis_result import DEFAULT_LEVERS_M
 from companion.errors import CompanionError
 from companion.recordings import Run, find_runs
 from companion.trajectories import PoseKind, Trajectory, read_trajectory

@@ -11,7 +11,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from companion.analysis import DEFAULT_LEVERS_M, NO_LEVER, LinkResult, RunResult
+from companion.analysis_result import DEFAULT_LEVERS_M, NO_LEVER, LinkResult, RunResult
 from companion.messages import Vector3
 from companion.trajectories import PoseKind
 

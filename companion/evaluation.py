@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.analysis import NO_LEVER, LinkResult, Options, RunResult, analyze_run, analyze_run_with
+from companion.analysis import analyze_run, analyze_run_with
+from companion.analysis_result import NO_LEVER, LinkResult, Options, RunResult
 from companion.messages import Vector3
 from companion.recordings import Run
 from wsr.aoa import Estimator

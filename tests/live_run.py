@@ -17,7 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.analysis import Options, analyze_run
+from companion.analysis import analyze_run
+from companion.analysis_result import Options
 from companion.beacon import Beacon
 from companion.clock import NS_PER_S
 from companion.config import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig

@@ -12,8 +12,9 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis import LinkResult, Options, RunResult, analyze_run
+from companion.analysis import analyze_run
 from companion.analysis_report import as_json, note_lines, problem_lines, run_table, summarise, summary_table
+from companion.analysis_result import LinkResult, Options, RunResult
 from companion.errors import CompanionError
 from companion.messages import Vector3
 from companion.output_files import check_writable, writing

@@ -14,8 +14,8 @@ import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis_report import lever_line
+from companion.analysis_result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.errors import CompanionError
 from companion.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
 from companion.evaluation_report import figures_table

@@ -117,7 +117,7 @@ def import_(
     out: Path,
 ) -> None:
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
-    from companion.analysis import Options
+    from companion.analysis_result import Options
     from companion.commands.analyze import chosen_runs, macs_by_name
     from companion.log.recording import import_run
 

@@ -19,7 +19,8 @@ import msgspec
 import numpy as np
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
-from companion.analysis import LinkResult, Options, RunResult, analyze_run
+from companion.analysis import analyze_run
+from companion.analysis_result import LinkResult, Options, RunResult
 from companion.errors import CompanionError
 from companion.log import foxglove
 from companion.log.writer import LogWriter

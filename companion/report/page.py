@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import yaml
 
-from companion.analysis import LinkResult, RunResult
 from companion.analysis_report import note_lines, problem_lines
+from companion.analysis_result import LinkResult, RunResult
 from companion.log.recording import Scene
 from companion.log_reader import Session
 from companion.report import pictures

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from numpy.random import SeedSequence
 from scipy.stats import spearmanr
 
-from companion.analysis import LinkResult, Options, analyze_run
+from companion.analysis import analyze_run
+from companion.analysis_result import LinkResult, Options
 from companion.errors import CompanionError
 from companion.exchanges import read_log
 from companion.recordings import Run, find_runs

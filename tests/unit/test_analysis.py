@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.analysis import RunResult
+from companion.analysis_result import RunResult
 from tests.analyze_command import TX_PLACE, Cli, links, one_line
 from tests.csi_records import DATA, needs_data
 from tests.synthetic_run import RX_MAC, STAMP, TX_MAC, RunFolder, write_run

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from companion.analysis import Options, analyze_run
+from companion.analysis import analyze_run
+from companion.analysis_result import Options
 from companion.cli import program
 from companion.errors import CompanionError
 from companion.evaluation import ALL, UNEVALUATED_DEG, LinkRow, RunRows, evaluate_run, evaluation, risk_coverage, trust

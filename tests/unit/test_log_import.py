@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
-from companion.analysis import OUTSIDE, Options, analyze_run
+from companion.analysis import OUTSIDE, analyze_run
 from companion.analysis_report import as_json
+from companion.analysis_result import Options
 from companion.cli import main
 from companion.log.recording import analyze_session, export_run, import_run
 from companion.log_reader import open_session

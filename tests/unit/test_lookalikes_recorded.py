@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from companion import analysis
-from companion.analysis import Options, analyze_run
+from companion.analysis import analyze_run
+from companion.analysis_result import Options
 from companion.lookalikes import ALIKE, likeness, outstanding
 from companion.recordings import find_runs
 from companion.trajectories import PoseKind
