@@ -174,7 +174,7 @@ class Flight:
             estimate = iteration.estimate
             bearing = {
                 "azimuth_deg": math.degrees(estimate.azimuth_rad),
-                "elevation_deg": math.degrees(estimate.polar_rad),
+                "elevation_deg": 90.0 - math.degrees(estimate.polar_rad),
                 "reliability": estimate.reliability,
                 "iteration": iteration.number,
                 "reference_ns": iteration.reference_ns,

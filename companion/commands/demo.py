@@ -93,7 +93,7 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:
         row = next(row for row in result.rows if row.iteration == last.number)
-        truth = (math.radians(row.true_azimuth_deg), math.radians(row.true_elevation_deg))
+        truth = (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
         draw_profile(out / "profile.png", profile, last.estimate, truth, f"AOA profile of SAR iteration {last.number}")
         written.append(out / "profile.png")
     console.print("transport of CSI: " + _transport(run), highlight=False)

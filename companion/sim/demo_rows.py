@@ -45,7 +45,8 @@ class LoggedIteration:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One SAR iteration against the truth at its own reference point and time; angles in degrees, elevation from Up."""
+    """One SAR iteration against the truth at its own reference point and time; angles in degrees, elevations above the
+    horizon."""
 
     iteration: int
     time_s: float
@@ -157,8 +158,8 @@ def _row(iteration: LoggedIteration, run: DemoRun) -> Row:
         length_m=estimate.length_m if estimate else None,
         azimuth_deg=math.degrees(estimate.azimuth_rad) if estimate else None,
         true_azimuth_deg=math.degrees(true_azimuth),
-        elevation_deg=math.degrees(estimate.polar_rad) if estimate else None,
-        true_elevation_deg=math.degrees(true_polar),
+        elevation_deg=90.0 - math.degrees(estimate.polar_rad) if estimate else None,
+        true_elevation_deg=90.0 - math.degrees(true_polar),
         error_deg=error_deg,
         crb_deg=math.degrees(estimate.crb_rad) if estimate and estimate.crb_rad is not None else None,
         reliability=estimate.reliability if estimate else None,

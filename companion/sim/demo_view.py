@@ -47,9 +47,9 @@ class LiveTable:
 
 
 def rows_table(rows: list[Row]) -> Table:
-    """One line per SAR iteration; azimuth counter-clockwise from East, elevation (polar angle) from Up."""
+    """One line per SAR iteration; azimuth counter-clockwise from East, elevation above the horizon."""
     # As Text: in a plain string rich would take what stands in brackets for markup, and drop it.
-    title = "SAR iterations [m, deg]: azimuth from East, elevation = polar angle from Up, error as a great circle;"
+    title = "SAR iterations [m, deg]: azimuth from East, elevation above the horizon, error as a great circle;"
     table = Table(title=Text(f"{title} the CRB is of noise alone, without reflections and drift"), padding=0)
     headings = (
         "#",
@@ -121,7 +121,7 @@ def _error_now(watch: Watch, bearing: dict[str, float]) -> str:
     if then is None:
         return _NONE
     true = [b - u for b, u in zip(then.beacon_antenna_enu_m, then.uav_antenna_enu_m, strict=True)]
-    found = direction(math.radians(bearing["azimuth_deg"]), math.radians(bearing["elevation_deg"]))
+    found = direction(math.radians(bearing["azimuth_deg"]), math.radians(90.0 - bearing["elevation_deg"]))
     return f"{math.degrees(float(great_circle(found, direction(*angles(true))))):4.1f} deg"
 
 

@@ -17,8 +17,8 @@ ROW = Row(
     length_m=1.2,
     azimuth_deg=-91.0,
     true_azimuth_deg=-90.0,
-    elevation_deg=97.0,
-    true_elevation_deg=96.0,
+    elevation_deg=-7.0,
+    true_elevation_deg=-6.0,
     error_deg=1.4,
     crb_deg=0.21,
     reliability=0.9,
@@ -52,7 +52,7 @@ def test_units_and_angles_are_told() -> None:
     console.print(rows_table(RESULT.rows))
     assert isinstance(console.file, io.StringIO)
     text = " ".join(console.file.getvalue().split())  # the title is wrapped to the table
-    for told in ("[m, deg]", "polar angle from Up", "azimuth from East", "[s]", "-91.0", "97.0"):
+    for told in ("[m, deg]", "elevation above the horizon", "azimuth from East", "[s]", "-91.0", "-7.0"):
         assert told in text
 
 
