@@ -12,6 +12,8 @@ neighbouring ones agree best; then ramp and mean are taken out, and what is left
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,8 +30,10 @@ _FINER = 8
 # Neighbouring products are summed over so many packets, 0.1 s: motion turns them little over that time, and power is
 # added over blocks, so that what motion does over longer times does not matter.
 _BLOCK = 16
-_PRIOR, _PRIOR_SCALE_HZ = 1e-3, 20e3
-_LEAST_GAIN = 1e-3
+# Mean and deviation of |mean of so many| for phases that have nothing in common.
+_BY_CHANCE, _CHANCE_STD = (math.pi / (4 * _BLOCK)) ** 0.5, ((1 - math.pi / 4) / _BLOCK) ** 0.5
+# The skew of recorded clocks is mostly within 2 kHz of the carriers', but turnarounds of two kinds move it by 40.
+_LEAST_SKEW_STD_HZ, _TAIL = 2e3, 2.0
 _SKEW_STEPS = 6
 _LEAST_SPREAD_S = 5e-7
 
@@ -40,37 +44,43 @@ Complex = NDArray[np.complex128]
 def carrier_offset_hz(
     product: NDArray[np.complexfloating], turnaround_s: Array, our_clock_s: Array, wavelength_m: float
 ) -> float:
-    """df (carrier of the other end less ours) at which neighbouring products agree best; 0 where none helps.
+    """df (carrier of the other end less ours) at which neighbouring products agree, as the skew of the clocks has it
+    where they do not tell.
 
-    With D_k = z_{k+1} z_k^* of the unit products z, the maximum over df of the mean over blocks of |mean_k D_k exp(j 2
-    pi df (dt_{k+1} - dt_k))|, less a little for distance from the df that the skew of the clocks suggests, which
-    decides where the turnaround hardly varies. `product` (M,); `turnaround_s` (M,) the other end's stamps less ours,
-    with any offset and drift; `our_clock_s` (M,).
+    With D_k = z_{k+1} z_k^* of the unit products z, the agreement is the mean over blocks of |mean_k D_k exp(j 2 pi df
+    (dt_{k+1} - dt_k))|, and the maximum over df that of
+
+        ((agreement - that of chance) / its deviation)^2 / 2 - 2 log(1 + ((df - skew's) / the skew's deviation)^2),
+
+    two logarithms of probabilities. Of few packets, or such as motion turns by more than a radian from one to the next,
+    the first is noise, whose highest peak would lie anywhere. `product` (M,); `turnaround_s` (M,) the other end's
+    stamps less ours, with any offset and drift; `our_clock_s` (M,). 0 of fewer packets than a block.
     """
     unit = product / np.maximum(np.abs(product), 1e-12)
     step = unit[1:] * unit[:-1].conj()
     size = step.size // _BLOCK * _BLOCK
     if size == 0:
         return 0.0
-    skew_hz = _skew(turnaround_s, our_clock_s) * SPEED_OF_LIGHT_M_S / wavelength_m
-    expected_hz = min(max(skew_hz, -MAX_OFFSET_HZ), MAX_OFFSET_HZ)
+    carrier_hz = SPEED_OF_LIGHT_M_S / wavelength_m
+    skew, skew_std = _skew(turnaround_s, our_clock_s)
+    expected_hz = min(max(skew * carrier_hz, -MAX_OFFSET_HZ), MAX_OFFSET_HZ)
+    scale_hz = max(skew_std * carrier_hz, _LEAST_SKEW_STD_HZ)
     re, im = (np.ascontiguousarray(part[:size], np.float32) for part in (step.real, step.imag))
     change_s = np.ascontiguousarray(np.diff(turnaround_s)[:size])
+    chance_std = _CHANCE_STD * (_BLOCK / size) ** 0.5
 
-    def best(candidates_hz: Array) -> tuple[float, float]:
-        agreement = _agreement(candidates_hz, re, im, change_s)
-        at = int(np.argmax(agreement - _PRIOR * ((candidates_hz - expected_hz) / _PRIOR_SCALE_HZ) ** 2))
-        return float(candidates_hz[at]), float(agreement[at])
+    def best(candidates_hz: Array) -> float:
+        gain = np.maximum(_agreement(candidates_hz, re, im, change_s) - _BY_CHANCE, 0.0) / chance_std
+        off = (candidates_hz - expected_hz) / scale_hz
+        return float(candidates_hz[np.argmax(0.5 * gain**2 - _TAIL * np.log1p(off**2))])
 
     rms_s = max(float(np.sqrt(np.mean(change_s**2))), 1e-9)
     step_hz = min(max(_PHASE_STEP_RAD / (np.pi * rms_s), _LEAST_STEP_HZ), _MOST_STEP_HZ)
-    offset_hz, agreement = best(np.arange(-MAX_OFFSET_HZ, MAX_OFFSET_HZ + 1, step_hz))
+    offset_hz = best(np.append(np.arange(-MAX_OFFSET_HZ, MAX_OFFSET_HZ + 1, step_hz), expected_hz))
     while step_hz > _LAST_STEP_HZ:
-        around = step_hz * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
-        offset_hz, agreement = best(offset_hz + around)
+        offset_hz = best(offset_hz + step_hz * np.linspace(-1.0, 1.0, 2 * _FINER + 1))
         step_hz /= _FINER
-    without = float(_agreement(np.zeros(1), re, im, change_s)[0])
-    return offset_hz if agreement > without + _LEAST_GAIN else 0.0
+    return offset_hz
 
 
 def jitter_s(turnaround_s: Array, our_clock_s: Array, offset_hz: float, wavelength_m: float) -> Array:
@@ -81,18 +91,20 @@ def jitter_s(turnaround_s: Array, our_clock_s: Array, offset_hz: float, waveleng
 
 
 @compiled
-def _skew(turnaround_s: Array, clock_s: Array) -> float:
-    """Slope of the turnaround over the clock, by least squares with weights that forget outliers."""
+def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
+    """Slope of the turnaround over the clock, by least squares with weights that forget outliers, and its deviation."""
     x, y = clock_s - clock_s.mean(), turnaround_s - np.median(turnaround_s)
-    weight, slope = np.ones_like(x), 0.0
+    weight, slope, std = np.ones_like(x), 0.0, 0.0
     for _ in range(_SKEW_STEPS):
         total = weight.sum()
         x0, y0 = (weight * x).sum() / total, (weight * y).sum() / total
-        slope = (weight * (x - x0) * (y - y0)).sum() / max((weight * (x - x0) ** 2).sum(), 1e-12)
+        leverage = max((weight * (x - x0) ** 2).sum(), 1e-12)
+        slope = (weight * (x - x0) * (y - y0)).sum() / leverage
         left = y - y0 - slope * (x - x0)
         spread = 1.4826 * np.median(np.abs(left)) + _LEAST_SPREAD_S
         weight = 1 / (1 + (left / (2 * spread)) ** 2)
-    return float(slope)
+        std = spread / np.sqrt(leverage)
+    return slope, std
 
 
 @compiled
