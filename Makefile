@@ -38,11 +38,13 @@ demo: .venv
 	$(BIN)/companion demo $(ARGS)
 
 # What computes runs on two processes; what flies, or injects faults, one at a time, so that nothing disturbs its timing.
-# Beside it runs what waits most of the time: it takes an eighth of a core. Its output follows.
+# Beside it runs what waits most of the time: it takes an eighth of a core. Its output follows. A shell lets what it runs
+# in the background ignore Ctrl-C, which must end that as well.
 WAITING := $(addprefix tests/sitl/,test_autopilot_edge.py test_px4_process.py test_injector.py)
+HEED_INT := import pytest, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); sys.exit(pytest.main(sys.argv[1:]))
 test: check t265
 	$(BIN)/python -m pytest -n 2 tests/unit tests/property tests/golden
-	@mkdir -p build; $(BIN)/python -m pytest $(WAITING) > build/waiting.txt 2>&1 & waiting=$$!; \
+	@mkdir -p build; $(BIN)/python -c "$(HEED_INT)" $(WAITING) > build/waiting.txt 2>&1 & waiting=$$!; \
 	$(BIN)/python -m pytest tests/faults tests/sitl $(addprefix --ignore=,$(WAITING)); failed=$$?; \
 	wait $$waiting || failed=1; cat build/waiting.txt; exit $$failed
 

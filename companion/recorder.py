@@ -141,16 +141,20 @@ class McapRecorder:
                 self._part.finish()
 
     def _write_next(self) -> bool:
-        """Writes one message, or ends a chunk that is old; False at the end. An old chunk still takes what waits in the
-        queue, so that a disk that was slow does not make many small ones."""
+        """Writes one message, ends a chunk that is old or syncs one that none followed; False at the end. An old
+        chunk still takes what waits in the queue, so that a disk that was slow does not make many small ones."""
         part = self._part
-        due_s = (math.inf if part is None else part.oldest_s) + _CHUNK_S
+        chunk_due_s = (math.inf if part is None else part.oldest_s) + _CHUNK_S
+        sync_due_s = (math.inf if part is None else part.unsynced_since_s) + _SYNC_S
         try:
-            item = self._queue.get(timeout=max(0.0, min(_IDLE_S, due_s - time.monotonic())))
+            item = self._queue.get(timeout=max(0.0, min(_IDLE_S, min(chunk_due_s, sync_due_s) - time.monotonic())))
         except queue.Empty:
-            if part is not None and time.monotonic() >= due_s:
+            now_s = time.monotonic()
+            if part is not None and now_s >= chunk_due_s:
                 part.end_chunk()
                 self._chunk_ended(part)
+            elif part is not None and now_s >= sync_due_s:
+                part.sync(unless_within_s=0.0)
             return True
         if item is None:
             return False
@@ -179,8 +183,8 @@ class McapRecorder:
         return has_ended
 
     def _chunk_ended(self, part: LogPart) -> None:
-        """To the disk, unless the next chunk is still within a second of the last sync; and on to the next file before
-        this one could exceed its size."""
+        """To the disk, unless the next chunk can still be within a second of the last sync; and on to the next file
+        before this one could exceed its size."""
         part.sync(unless_within_s=_SYNC_S - _CHUNK_S)
         room_bytes = 2 * (self._settings.chunk_kb << 10) + _LARGEST_BYTES  # of the next chunk, its messages' index too
         is_full = part.finished_bytes + room_bytes > self._settings.rotate_mb * 1e6

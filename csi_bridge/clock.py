@@ -24,6 +24,10 @@ _BUCKETS: Final = 40
 """How far back the envelope reaches. With 120 packets a second, each late by up to 20 ms, the fastest of a second is
 late by 0.2 ms, and so far back from it the slope is known to a few millionths. Crystals keep their rate that long: 0.01
 ppm a second, as when they warm up, bend the line by 2 us."""
+_AGREEING_BUCKETS: Final = 10
+_STRAYED_NS: Final = 1_000_000
+"""Where the fastest packet of each of so many buckets comes later than the line by this, the clocks have changed their
+relation, as when the host's is slewed: what is older says nothing any more."""
 _SLOPE_SPAN_NS: Final = 3_000_000_000
 _BLOCK: Final = 100
 _MAX_LEAD_NS: Final = 1_000_000
@@ -113,12 +117,19 @@ class NicClock:
         bucket = elapsed_ns // _BUCKET_NS
         point = (float(elapsed_ns), offset_ns)
         if not self._minima or bucket > self._minima[-1][0]:
+            self._forget_strayed()
             self._minima.append((bucket, point))
             return True
         if offset_ns < self._minima[-1][1][1]:
             self._minima[-1] = (bucket, point)
             return True
         return False
+
+    def _forget_strayed(self) -> None:
+        newest = list(self._minima)[-_AGREEING_BUCKETS:]
+        slope, intercept = self._line
+        if len(newest) == _AGREEING_BUCKETS and all(y - slope * t - intercept > _STRAYED_NS for _, (t, y) in newest):
+            self._minima = deque(newest, maxlen=_BUCKETS)
 
     def _is_doubtful(self, elapsed_ns: int, offset_ns: float) -> bool:
         if self._correction_ns(elapsed_ns) - offset_ns <= _MAX_LEAD_NS:

@@ -25,6 +25,7 @@ class LogPart:
         self._writer = writer
         self._start_s = self._synced_s = time.monotonic()
         self._waiting = 0
+        self._is_unsynced = False
         self.oldest_s = math.inf
         """When the oldest message of the chunk that has not ended was taken (monotonic); inf while it is empty."""
 
@@ -32,6 +33,11 @@ class LogPart:
     def finished_bytes(self) -> int:
         """What the file would measure, finished at the end of this chunk; at most."""
         return self._file.tell() + self._writer.index_bytes
+
+    @property
+    def unsynced_since_s(self) -> float:
+        """When the last sync was (monotonic), if a chunk has ended since; else inf."""
+        return self._synced_s if self._is_unsynced else math.inf
 
     @property
     def age_s(self) -> float:
@@ -47,6 +53,7 @@ class LogPart:
         if self._writer.chunks == chunks:
             self._waiting += 1
             return False
+        self._is_unsynced = True
         # Views of the message may be in the next chunk already.
         self._waiting, self.oldest_s = (1, taken_s) if self._writer.open_bytes else (0, math.inf)
         return True
@@ -54,6 +61,7 @@ class LogPart:
     def end_chunk(self) -> None:
         """Raises OSError."""
         self._writer.end_chunk()
+        self._is_unsynced = True
         self._waiting, self.oldest_s = 0, math.inf
 
     def sync(self, unless_within_s: float) -> None:
@@ -61,6 +69,7 @@ class LogPart:
         if time.monotonic() - self._synced_s >= unless_within_s:
             os.fsync(self._file.fileno())
             self._synced_s = time.monotonic()
+            self._is_unsynced = False
 
     def finish(self) -> None:
         """Raises OSError."""

@@ -170,9 +170,9 @@ def _place(folder: Path, scene: Scene) -> Path:
 def _run_at(place: Path, scene: Scene) -> Run:
     rx = place / f"csi_rx_{scene.stamp}.dat"
     if not scene.loose:
-        run = next((run for run in find_runs(place) if run.stamp == scene.stamp), None)
-        if run is None:
+        if not any(place.glob(f"csi_*_{scene.stamp}.dat")):
             raise RecordingError(f"run {scene.stamp}: its log holds no CSI")
+        run = next(run for run in find_runs(place) if run.stamp == scene.stamp)
         # Beside it stand no other runs: what is above the folder is not of this recording.
         return replace(run, trajectories={k: p for k, p in run.trajectories.items() if p.parent == place})
     names = {

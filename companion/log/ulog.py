@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,11 +20,21 @@ PREFIX: Final = "/px4/"
 _POSITION: Final = "vehicle_local_position"
 _STEP_S: Final = 0.1
 _WORST_M: Final = 0.5
+_LEAST_MOVED_M: Final = 2.0
+"""By less it cannot be told from standing still, at any other time."""
+_SHORTEST_S: Final = 1.0
 
 _TIME: Final = "timestamp"
 _PADDING: Final = "_padding"
 _UNREADABLE: Final = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, EOFError, MemoryError)
 """What the parser stumbles over in a file that is damaged."""
+
+_LONGEST_GAP_S: Final = 60.0
+"""Where two positions are further apart, a time stamp was damaged, or the logger stood still."""
+_FARTHEST_M: Final = 5.0
+"""A vehicle is no further from the median of the five positions around: that one was damaged."""
+_AFTERWARDS_S: Final = 3600.0
+"""Nothing is logged so long after the last position: that time was damaged."""
 
 _HEADER_BYTES: Final = 3
 _MOST_BACK: Final = 100
@@ -70,43 +81,65 @@ class Ulog:
         return bool(self._log.file_corruption)
 
     def messages(self) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, time [ns] since the autopilot's boot, JSON) of all topics, one topic after the other."""
+        """(topic, time [ns] since the autopilot's boot, JSON) of all topics, one after the other, less what has a
+        damaged time. Raises CompanionError."""
+        latest_us = round((self.positions()[0][-1] + _AFTERWARDS_S) * 1e6)
         for data in self._log.data_list:
-            if _TIME not in data.data:  # a format that was damaged
+            if data.data.get(_TIME, np.empty(0)).dtype != np.uint64:  # a format that was damaged
                 continue
             topic = f"{PREFIX}{data.name}" + (f"_{data.multi_id}" if data.multi_id else "")
             columns = {name: values.tolist() for name, values in data.data.items() if _PADDING not in name}
             for index, t_us in enumerate(columns[_TIME]):
+                if t_us > latest_us:
+                    continue
                 row = {name: _plain(values[index]) for name, values in columns.items()}
-                yield topic, int(t_us) * 1000, json.dumps(row).encode()
+                yield topic, t_us * 1000, json.dumps(row).encode()
 
     def positions(self) -> tuple[Floats, Floats]:
         """Times (N,) [s since boot] and positions (N, 3) in the local frame, turned to ENU, in the order of time, less
-        those that the estimator called invalid. Raises CompanionError."""
+        those that the estimator called invalid and those that were damaged. Raises CompanionError."""
         named = (data.data for data in self._log.data_list if data.name == _POSITION)
         found = next((columns for columns in named if {_TIME, "x", "y", "z"} <= columns.keys()), None)
         if found is None:
             raise CompanionError(f"{self.path}: has no {_POSITION}; it cannot be paired by time")
         t_s = found[_TIME] * 1e-6
-        p_enu_m = np.stack([found["y"], found["x"], -found["z"]], axis=1).astype(float)
+        with np.errstate(invalid="ignore"):  # a damaged number may be a signalling nan
+            p_enu_m = np.stack([found["y"], found["x"], -found["z"]], axis=1).astype(float)
         valid = np.all(np.isfinite(p_enu_m), axis=1)
         for flag in ("xy_valid", "z_valid"):
             valid &= found.get(flag, np.ones(len(t_s))) != 0
         order = np.flatnonzero(valid)[np.argsort(t_s[valid], kind="stable")]
-        if len(order) < 2:
+        kept = order[_undamaged(t_s[order], p_enu_m[order])]
+        if len(kept) < 2:
             raise CompanionError(f"{self.path}: has no valid {_POSITION}; it cannot be paired by time")
-        return t_s[order], p_enu_m[order]
+        return t_s[kept], p_enu_m[kept]
+
+
+def _undamaged(t_s: Floats, p_m: Floats) -> npt.NDArray[np.intp]:
+    """Indices (K,) of the longest stretch without a gap, less what lies off the path; times (N,) sorted, (N, 3)."""
+    stretches = np.split(np.arange(len(t_s)), np.flatnonzero(np.diff(t_s) > _LONGEST_GAP_S) + 1)
+    longest = max(stretches, key=len)
+    if len(longest) < 5:
+        return longest
+    padded = np.pad(p_m[longest], ((2, 2), (0, 0)), mode="edge")
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0), axis=-1)
+    near = np.all(np.abs(p_m[longest] - middle) <= _FARTHEST_M, axis=1)
+    return np.compress(near, longest)
 
 
 def clock_offset_s(path: Path, ulog: tuple[Floats, Floats], flight: tuple[Floats, Floats]) -> tuple[float, float]:
     """(offset, rms [m]): the flight's time less the autopilot's at which both saw the same positions.
 
     Each pair is times (N,) [s] and positions (N, 3). The speed over ground is correlated for a first guess, and the
-    positions matched from there. Raises CompanionError when nothing fits to 0.5 m: not of the same flight.
+    positions matched from there. Raises CompanionError when nothing fits to 0.5 m over half of the shorter log: not
+    of the same flight; or when nothing moved there.
     """
     their_t, our_t = ulog[0], flight[0]
     if len(our_t) < 2:
         raise CompanionError(f"{path}: the flight's log holds no positions of the vehicle to pair it by")
+    for name, t_s in (("it", their_t), ("the flight's log", our_t)):
+        if np.ptp(t_s) < _SHORTEST_S:
+            raise CompanionError(f"{path}: {name} holds positions of {np.ptp(t_s):.1f} s, {_SHORTEST_S:g} are needed")
     theirs, ours = (_activity(*track) for track in (ulog, flight))
     lags = np.correlate(ours - ours.mean(), theirs - theirs.mean(), mode="full")
     guess = our_t[0] - their_t[0] + (int(np.argmax(lags)) - (len(theirs) - 1)) * _STEP_S
@@ -116,7 +149,12 @@ def clock_offset_s(path: Path, ulog: tuple[Floats, Floats], flight: tuple[Floats
     best = min(fine, key=lambda offset: _rms_m(offset, ulog, flight))
     rms = _rms_m(best, ulog, flight)
     if not rms < _WORST_M:
-        raise CompanionError(f"{path}: not of this flight: the positions of both differ by {rms:.1f} m at best")
+        how = f"differ by {rms:.1f} m at best" if rms < math.inf else "have less than half of the shorter log in common"
+        raise CompanionError(f"{path}: not of this flight: the positions of both {how}")
+    moved_m = float(np.linalg.norm(np.ptp(flight[1][_inside(best, their_t, our_t)], axis=0)))
+    if moved_m < _LEAST_MOVED_M:
+        needed = f"{_LEAST_MOVED_M:g} m tell when that was"
+        raise CompanionError(f"{path}: the vehicle moved {moved_m:.1f} m where both logs could agree; {needed}")
     return float(best), rms
 
 
@@ -129,12 +167,18 @@ def _activity(t_s: Floats, p_m: Floats) -> Floats:
 
 def _rms_m(offset_s: float, ulog: tuple[Floats, Floats], flight: tuple[Floats, Floats]) -> float:
     (their_t, their_p), (our_t, our_p) = ulog, flight
-    at = our_t - offset_s
-    inside = (at >= their_t[0]) & (at <= their_t[-1])
-    if np.count_nonzero(inside) < 0.5 * min(len(our_t), len(their_t)) and np.count_nonzero(inside) < 20:
+    inside = _inside(offset_s, their_t, our_t)
+    in_both_s = min(our_t[-1], their_t[-1] + offset_s) - max(our_t[0], their_t[0] + offset_s)
+    if not np.any(inside) or in_both_s < 0.5 * min(np.ptp(our_t), np.ptp(their_t)):
         return float("inf")
+    at = our_t - offset_s
     seen = np.stack([np.interp(at[inside], their_t, their_p[:, axis]) for axis in range(3)], axis=1)
     return float(np.sqrt(np.mean(np.sum((seen - our_p[inside]) ** 2, axis=1))))
+
+
+def _inside(offset_s: float, their_t: Floats, our_t: Floats) -> npt.NDArray[np.bool_]:
+    """(N,) which of our times their log covers."""
+    return np.asarray((our_t - offset_s >= their_t[0]) & (our_t - offset_s <= their_t[-1]))
 
 
 def _plain(value: Any) -> Any:

@@ -22,6 +22,8 @@ from wsr.geometry import direction, great_circle
 _DPI: Final = 90
 _BEARING_M: Final = 1.6
 _COLUMNS: Final = 4
+_STEP_S: Final = 60.0
+"""Nobody is silent for so long in a recording: the clock was set."""
 
 _LINES: Final = tuple(itertools.product(("0.0", "0.6"), ("-", "--", ":", "-.")))
 """Shade and style, told apart in print."""
@@ -178,10 +180,10 @@ def path_of(p_m: npt.NDArray[np.float64], bearings: Sequence[tuple[str, float]])
 
 def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
     """Of each transmitter of a recording (name, its packets' times), in each second: packets heard, and which share of
-    them was paired, and used for its aperture; PNG."""
+    them was paired, and used for its aperture; PNG. Where the host's clock was set meanwhile, of the longer part."""
     figure, (packets, pairs, used) = _figure(9, 7, 3)
-    heard_s = np.concatenate([times.heard_s for _, times in links])
-    edges_s = heard_s.min() + np.arange(0.0, max(1.0, np.floor(np.ptp(heard_s))) + 1)
+    heard_s = _without_steps(np.concatenate([times.heard_s for _, times in links]))
+    edges_s = heard_s[0] + np.arange(0.0, max(1.0, np.floor(np.ptp(heard_s))) + 1)
     for (name, times), (shade, style) in zip(links, itertools.cycle(_LINES), strict=False):
         counts = [np.histogram(t_s, edges_s)[0] for t_s in (times.heard_s, times.paired_s, times.used_s)]
         of_heard = 100 / np.where(counts[0] > 0, counts[0], math.nan)
@@ -193,6 +195,12 @@ def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
     pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired")
     used.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="used: paired, while there were poses")
     return _png(figure)
+
+
+def _without_steps(t_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Sorted; of times (N,) [s] minutes apart those that are the most."""
+    in_order = np.sort(t_s)
+    return max(np.split(in_order, np.flatnonzero(np.diff(in_order) > _STEP_S) + 1), key=len)
 
 
 def _plot_truth(axes: Axes, content: FlightContent) -> None:

@@ -213,3 +213,27 @@ def test_so_it_does_at_the_default_rate_of_pings_whatever_the_draw(law: str) -> 
         assert np.abs(live_ns - true_ns)[settled].max() < 0.2e6, seed
         leg = slice(-480, None)  # four seconds
         assert np.abs(clock.host_ns(stamps_us[leg].astype(np.uint32)) - true_ns[leg]).max() < 0.1e6, seed
+
+
+def test_a_host_clock_that_is_slewed_is_followed_and_what_was_before_forgotten() -> None:
+    """Three times as fast as a line may rise, for a minute."""
+    clock, rng = NicClock(), np.random.default_rng(5)
+    nic_s = np.arange(0.0, 110.0, 0.01)
+    true_s = 50.0 + nic_s + 300e-6 * np.clip(nic_s - 30, 0, 60)
+    read_s = true_s + rng.uniform(0, 5e-3, len(nic_s))
+    mapped_s = 1e-9 * np.array(
+        [clock.update(int(t * 1e6), int(read * 1e9)) for t, read in zip(nic_s, read_s, strict=True)]
+    )
+    assert clock.resets == 0
+    assert np.abs(mapped_s - true_s)[nic_s > 5].max() < 4.5e-3  # 200 ppm of twenty seconds and some; of forty it is 8
+    assert np.abs(mapped_s - true_s)[nic_s > 105].max() < 0.3e-3
+
+
+def test_a_host_that_stalls_for_seconds_forgets_nothing() -> None:
+    clock = NicClock()
+    nic_s = np.arange(0.0, 60.0, 0.01)
+    read_s = 50.0 + nic_s + np.where((nic_s > 45) & (nic_s < 53), 53 - nic_s, 0.0)
+    mapped_s = [1e-9 * clock.update(int(t * 1e6), int(read * 1e9)) for t, read in zip(nic_s, read_s, strict=True)]
+    assert clock.resets == 0
+    assert np.abs(np.subtract(mapped_s, 50.0 + nic_s)).max() < 10e-6
+    assert clock.span_s > 38

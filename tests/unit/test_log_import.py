@@ -14,8 +14,11 @@ from companion.analysis import OUTSIDE, analyze_run
 from companion.analysis_report import as_json
 from companion.analysis_result import Options
 from companion.cli import main
+from companion.errors import CompanionError
 from companion.log.recording import analyze_session, export_run, import_run
-from companion.log_reader import open_session
+from companion.log.repair import copy
+from companion.log.writer import LogWriter
+from companion.log_reader import metadata_of, open_session
 from companion.recordings import RecordingError, Run, find_runs, loose_run
 from tests.csi_records import DATA, needs_data
 from tests.faults.campaigns import FULL
@@ -105,3 +108,18 @@ def test_fault_00_a_recording_imported_replayed_and_reported_gives_the_same_bear
             run_cli(command, log, *page, "--json", tmp_path / "result.json")
             assert json.loads((tmp_path / "result.json").read_text())["runs"][0]["links"] == analysed
     assert "data:image/png;base64," in (tmp_path / "report.html").read_text()
+
+
+def test_a_recording_that_has_lost_its_csi_says_so(run: RunFolder, tmp_path: Path) -> None:
+    (found,) = find_runs(run.folder)
+    log, poses = tmp_path / "run.mcap", tmp_path / "poses.mcap"
+    import_run(found, log, Options())
+    with poses.open("wb") as file:
+        writer = LogWriter(file, open_session(log).metadata)
+        writer.add_metadata("recording", metadata_of(log)["recording"])
+        for message in open_session(log).messages():
+            if not message.topic.endswith("/csi"):
+                copy(writer, message)
+        writer.finish()
+    with pytest.raises(CompanionError, match=rf"^run {found.stamp}: its log holds no CSI$"):
+        analyze_session(open_session(poses))

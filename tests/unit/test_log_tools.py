@@ -17,6 +17,7 @@ from companion.cli import main
 from companion.errors import CompanionError
 from companion.log.merge import merge
 from companion.log.repair import copy
+from companion.log.ulog import Ulog
 from companion.log.writer import LogWriter
 from companion.log_reader import LogScan, open_session
 from companion.streams import CSI, POSE_IN, VEHICLE
@@ -229,6 +230,42 @@ def test_a_ulg_that_is_damaged_or_cut_gives_what_can_be_read_or_is_refused(cli: 
     assert "not a readable .ulg file: damaged" in err
 
 
+def test_single_damaged_rows_of_a_ulg_move_nothing_and_are_left_out(cli: Run, tmp_path: Path) -> None:
+    ulg = tmp_path / "flight.ulg"
+    _write_ulog(ulg, open_session(FLIGHT))
+    row_s, row_m = Ulog(ulg).positions()
+    rows = [(round(1e6 * t), (n, e, -u)) for t, (e, n, u) in zip(row_s.tolist(), row_m.tolist(), strict=True)]
+    rows[40] = rows[40][0], (1e38, -1e4, 3.0)
+    ulg.write_bytes(
+        ulog_of([*rows, (rows[-1][0] + 5_000_000_000, (0, 0, 0)), (1 << 50, (0, 0, 0)), (1 << 63, (0, 0, 0))])
+    )
+    out = tmp_path / "out.mcap"
+    code, text, err = cli("log", "merge", FLIGHT, "--ulg", ulg, "--out", out)
+    assert code == 0, err
+    assert "positions agree to 0.0" in text
+    flight, px4 = (list(open_session(path).messages()) for path in (FLIGHT, out))
+    assert px4[-1].log_time_ns <= flight[-1].log_time_ns + 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("scale", "part", "why"),
+    [
+        (0.0, slice(None), "not of this flight"),
+        (1.0, slice(0, 40), "the vehicle moved 1.0 m where both logs could agree"),
+        (1.0, slice(0, 3), "it holds positions of 0.1 s, 1 are needed"),
+    ],
+)
+def test_a_ulg_that_could_be_of_any_time_is_refused(
+    cli: Run, tmp_path: Path, scale: float, part: slice, why: str
+) -> None:
+    ulg = tmp_path / "still.ulg"
+    _write_ulog(ulg, open_session(FLIGHT), scale=scale, part=part)
+    code, _, err = cli("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "out.mcap")
+    assert code == 1
+    assert why in err
+    assert not (tmp_path / "out.mcap").exists()
+
+
 def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(cli: Run, tmp_path: Path) -> None:
     other = tmp_path / "other.ulg"
     _write_ulog(other, open_session(FLIGHT), scale=5.0)
@@ -295,7 +332,7 @@ def _config_file(folder: Path, config: dict[str, Any]) -> Path:
     return path
 
 
-def _write_ulog(path: Path, session: Any, scale: float = 1.0) -> int:
+def _write_ulog(path: Path, session: Any, scale: float = 1.0, part: slice = slice(None)) -> int:
     """The vehicle's positions as PX4 logs them, NED, on a clock of its own; wall time of its boot."""
     rows = []
     for message in session.messages({VEHICLE.topic}):
@@ -304,5 +341,5 @@ def _write_ulog(path: Path, session: Any, scale: float = 1.0) -> int:
             rows.append((state["position_mono_ns"] + session.wall_minus_mono_ns, state["p_local_enu_m"]))
     boot_ns = rows[0][0] - 5_000_000_000
     ned = [((t_ns - boot_ns) // 1000, (north * scale, east * scale, -up * scale)) for t_ns, (east, north, up) in rows]
-    path.write_bytes(ulog_of(ned))
+    path.write_bytes(ulog_of(ned[part]))
     return int(boot_ns)

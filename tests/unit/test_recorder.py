@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import logging
 import os
+import queue
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -315,6 +316,16 @@ def test_a_chunk_goes_to_the_disk_unless_the_next_is_within_time(
     assert len(synced) == full + 1
     assert synced == sorted(set(synced))
     assert synced[-1] == (tmp_path / "log.mcap").stat().st_size
+
+
+def test_a_chunk_that_none_follows_goes_to_the_disk_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.recorder._SYNC_S", 0.9)
+    synced = queue.Queue[int]()
+    monkeypatch.setattr(os, "fsync", lambda file: synced.put(os.fstat(file).st_size))
+    recorder = McapRecorder(tmp_path / "log.mcap", CONFIG, clock())
+    recorder.record(CSI, 1, b"\xbb" + os.urandom(100_000))  # a chunk of its own, right behind the start
+    assert synced.get(timeout=10) > 100_000
+    recorder.close()
 
 
 def test_every_stream_has_a_topic_of_its_own() -> None:
