@@ -45,6 +45,14 @@ def merge(
     """Writes `target`. The first log keeps its topics, each other gets its robot's name before them, the truth keeps
     its own. Raises CompanionError."""
     base = open_session(first)
+    recordings = {base.metadata.get("session"): first}
+    for path in others:
+        recording = open_session(path).metadata.get("session")
+        if recording and recording in recordings:
+            raise CompanionError(
+                f"{path}: is of the same recording as {recordings[recording]}; expected another robot's"
+            )
+        recordings[recording] = path
     joined = [_join(base, path) for path in others]
     sources: list[Iterator[_Timed]] = [((m.log_time_ns, "", 0, m) for m in base.messages(progress=progress))]
     for path, one in zip(others, joined, strict=True):

@@ -271,6 +271,8 @@ def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(cli: Run
     _write_ulog(other, open_session(FLIGHT), scale=5.0)
     with pytest.raises(CompanionError, match="not of this flight"):
         merge(FLIGHT, (), other, tmp_path / "out.mcap")
+    with pytest.raises(CompanionError, match="of the same recording"):
+        merge(FLIGHT, (FLIGHT,), None, tmp_path / "out.mcap")
     (tmp_path / "no.ulg").write_bytes(b"nothing")
     with pytest.raises(CompanionError, match=r"not a readable \.ulg"):
         merge(FLIGHT, (), tmp_path / "no.ulg", tmp_path / "out.mcap")
