@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wsr.channel import SUBCARRIERS_20MHZ
 from wsr.displacement import relative_displacement
 from wsr.errors import ApertureError
 
@@ -86,6 +87,13 @@ class Aperture:
                 raise ApertureError(f"{name} has values that are not finite; expected none")
         if (self.forward is None) != (self.reverse is None):
             raise ApertureError("of forward and reverse only one is given; expected both or neither")
+        if self.forward is None or self.reverse is None:
+            return
+        # The kernels index both alike, and know the place of each subcarrier, unchecked.
+        ours, theirs = self.forward.shape[1], self.reverse.shape[1]
+        if ours != theirs or ours not in (1, SUBCARRIERS_20MHZ.size):
+            expected = f"{SUBCARRIERS_20MHZ.size} of both, or 1"
+            raise ApertureError(f"forward has {ours} subcarriers and reverse {theirs}; expected {expected}")
 
     @property
     def packets(self) -> int:

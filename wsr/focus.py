@@ -19,7 +19,7 @@ _LEAST_BEAM_WIDTHS = 0.05
 _LOG_RANGE_STEP, _LEAST_LOG_RANGE_STEP = 0.35, 0.08
 _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 80.0
 _POLE_RAD = 1e-3
-# Of the highest fused score of the first look.
+# Of the highest score that the shortest sub-apertures have in the first look.
 _HOPEFUL = 0.4
 
 Array = NDArray[np.float64]
@@ -102,11 +102,12 @@ def look_around(
     """The same over circles: of the first one all azimuths, at a middle range; of all circles, and at every range, the
     azimuths that have hope by that; 0 elsewhere.
 
-    Short sub-apertures see the azimuth of a source whatever its range and polar angle.
+    Hope is by the shortest sub-apertures alone, which see the azimuth of a source whatever its range and polar angle;
+    of a near one long ones may see nothing there, and a side lobe elsewhere.
     """
     u, rows, middle = direction(*circles[:2]), circles[2], len(ranges_m) // 2
     first = score(parts, u[: rows[1]], ranges_m[middle : middle + 1], delay_ns).score
-    hope = (first / first.max(axis=(1, 2), keepdims=True)).mean(axis=(0, 2))
+    hope = first[-1, :, 0]
     hopeful = (rows[:-1, None] + np.flatnonzero(hope > _HOPEFUL * hope.max())).ravel()
     scores = np.zeros((len(first), len(u), len(ranges_m)), np.float32)
     scores[:, : rows[1], middle] = first[:, :, 0]

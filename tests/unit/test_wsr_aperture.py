@@ -84,6 +84,10 @@ def test_refusals_name_quantity_and_limit() -> None:
         make_aperture(t, p, g, -1.0, min_length_m=0.0)
     with pytest.raises(ApertureError, match="t_s decreases"):
         Aperture(t[::-1], p, g, 0.05, (0, 0, 0), 0.0)
+    for ours, theirs in ((30, 1), (1, 30), (29, 29), (0, 0)):
+        ahead, back = np.ones((50, ours), np.complex64), np.ones((50, theirs), np.complex64)
+        with pytest.raises(ApertureError, match=f"forward has {ours} subcarriers and reverse {theirs}; expected 30"):
+            make_aperture(t, p, g, 0.05, forward=ahead, reverse=back)
     with pytest.raises(ApertureError, match="0 packets"):
         make_aperture([], np.empty((0, 3)), [], 0.05, min_packets=0)
 

@@ -9,13 +9,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from tests.unit.wsr_scene import WAVELENGTH_M, Array, circle, exchange, weave
+from tests.unit.wsr_scene import WAVELENGTH_M, Array, circle, exchange, round_trip, weave
 from wsr.aoa import AoaEstimate, estimate_aoa
 from wsr.aperture import Aperture, make_aperture
+from wsr.errors import ApertureError
 from wsr.estimators import ESTIMATORS
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
-from wsr.geometry import angles, direction, great_circle
+from wsr.geometry import angles, direction, great_circle, wrap_angle
 
 U = direction(2.1, 1.35)
 
@@ -70,6 +71,38 @@ def test_level_path_gives_azimuth_and_says_what_it_cannot() -> None:
     assert estimate.covariance[1][1] == math.inf
     (image,) = estimate.alternatives
     assert image.polar_rad == pytest.approx(math.pi - estimate.polar_rad, abs=1e-3)
+
+
+@pytest.mark.parametrize("polar_deg", [62, 68, 74])
+@pytest.mark.parametrize("azimuth_deg", [-90, -45, 0, 135])
+def test_near_source_above_a_long_level_path(polar_deg: float, azimuth_deg: float) -> None:
+    s = np.linspace(0, 1, 400)
+    p = np.stack([2.6 * s, 0.3 * np.sin(2 * np.pi * s), 0 * s], axis=1)
+    source = (p.mean(axis=0) + 2.0 * direction(math.radians(azimuth_deg), math.radians(polar_deg)))[None, :]
+    estimate, _ = Robust().estimate(_aperture(3 * s, p, source))
+    off = wrap_angle(estimate.azimuth_rad - math.radians(azimuth_deg))
+    assert abs(math.degrees(off)) < 2
+
+
+@pytest.mark.parametrize("reach_m", [0.0, 0.02])
+def test_packets_left_over_too_short_a_stretch_are_refused(reach_m: float) -> None:
+    t, p = weave(600)
+    p[:40] = p[0] + np.linspace(0, reach_m, 40)[:, None] * [1, 0, 0]
+    forward, reverse = exchange(p, (p.mean(axis=0) + 5.0 * U)[None, :])
+    rng = np.random.default_rng(3)
+    reverse[40:] = rng.normal(size=(560, 30)) + 1j * rng.normal(size=(560, 30))
+    aperture = make_aperture(t, p, (forward * reverse).mean(1), WAVELENGTH_M, forward=forward, reverse=reverse)
+    with pytest.raises(ApertureError, match=r"40 of 600 packets are consistent, which span 0\.0\d+ m; needs .* 0\.108"):
+        Robust().estimate(aperture)
+
+
+@pytest.mark.parametrize("one_way", [True, False])
+@pytest.mark.parametrize("unit", [1e-40, 1e40])
+def test_product_in_any_unit(unit: float, one_way: bool) -> None:
+    t, p = weave(600)
+    source = (p.mean(axis=0) + 5.0 * U)[None, :]
+    aperture = make_aperture(t, p, unit * round_trip(p, source), WAVELENGTH_M)
+    assert _error_deg(Robust(RobustOptions(one_way=one_way)).estimate(aperture)[0], source) < 0.5
 
 
 def test_straight_path_claims_nothing() -> None:

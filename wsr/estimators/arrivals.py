@@ -36,6 +36,8 @@ _EXPLAINED = 0.12
 _LEAST_RELATIVE_POWER = 0.03
 # Quarters of the aperture have lobes that a coarse grid does not miss; the climb from there is by longer parts.
 _STEP_RAD, _LEVEL_STEP_RAD = math.radians(4.0), math.radians(2.0)
+# Echoes come from far, so level, and their polar angle is not refined.
+_LEVEL_POLARS_RAD = (math.radians(90.0), math.radians(76.0))
 _LOOK_PARTS = 4
 _CLIMB = ((4, 2.0), (2, 1.0), (2, 1.0), (1, 0.6), (1, 0.6), (1, 0.3), (1, 0.15))
 """Parts of the aperture and step in degrees."""
@@ -69,7 +71,7 @@ def arrivals(
     steering = _steering(x_m, wave_m, direction(focus.azimuth_rad, focus.polar_rad), focus.range_m)[:, None]
     h = _joined(parts, steering[:, 0], prepared.bins.segment) * _loudness(prepared, options)[:, None]
     power, left = _fitted(h, steering)
-    azimuth, polar, _ = circle_grid(_LEVEL_STEP_RAD, options.planar_polars_rad) if level else sphere_grid(_STEP_RAD)
+    azimuth, polar, _ = circle_grid(_LEVEL_STEP_RAD, _LEVEL_POLARS_RAD) if level else sphere_grid(_STEP_RAD)
     grid = direction(azimuth, polar)
     free = np.ones(len(grid), np.bool_)
     taken, reliefs, widths = [direction(focus.azimuth_rad, focus.polar_rad)], [0.0], [0.0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.aperture import MIN_PACKETS, Aperture
+from wsr.aperture import MIN_LENGTH_WAVELENGTHS, MIN_PACKETS, Aperture
 from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
@@ -67,9 +67,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         channel = channel.mean(axis=1, keepdims=True)
     amplitude = folded.amplitude / max(float(np.median(folded.amplitude)), 1e-12)
     channel = _levelled(channel, sign * counted_amplitude(amplitude, options))
-    if np.count_nonzero(keep) < MIN_PACKETS:
-        kept = f"{np.count_nonzero(keep)} of {aperture.packets} packets are consistent"
-        raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
+    _check_kept(aperture, keep)
     length_m = options.bin_wavelengths * aperture.wavelength_m if options.path_bins else None
     bins = path_bins(aperture.chi_m, channel, keep, segment, length_m)
     unfit = aperture.packets - int(np.count_nonzero(keep)) - disagree
@@ -85,19 +83,35 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     )
 
 
+def _check_kept(aperture: Aperture, keep: NDArray[np.bool_]) -> None:
+    """Raises ApertureError if too few packets are left, or those left span too little where all together did not."""
+    kept = f"{np.count_nonzero(keep)} of {aperture.packets} packets are consistent"
+    if np.count_nonzero(keep) < MIN_PACKETS:
+        raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
+    if keep.all():
+        return
+    along = aperture.principal_axes @ aperture.chi_m[keep].T
+    span_m = float((along.max(axis=1) - along.min(axis=1)).max())
+    needed_m = MIN_LENGTH_WAVELENGTHS * aperture.wavelength_m
+    if span_m < needed_m <= aperture.extents_m[0]:
+        raise ApertureError(f"only {kept}, which span {span_m:.3f} m; needs at least {needed_m:.3f} m")
+
+
 def _folded(aperture: Aperture) -> Folded:
     """Without both directions the root of the product, which is then all there is."""
     if aperture.forward is not None and aperture.reverse is not None:
         return fold(aperture.forward, aperture.reverse)
-    centre = aperture.channel.astype(np.complex64)
+    centre = _product(aperture)[:, 0].astype(np.complex64)
     root = np.sqrt(centre / max(float(np.abs(centre).mean()), 1e-30))
     return Folded(root[:, None], np.ones(aperture.packets, np.float32), centre, np.abs(root))
 
 
 def _product(aperture: Aperture) -> Complex:
+    """(M, S), the largest of them 1: what is squared later on fits float32 in any unit."""
+    product = aperture.channel[:, None]
     if aperture.forward is not None and aperture.reverse is not None:
-        return np.asarray(aperture.forward.astype(np.complex128) * aperture.reverse)
-    return aperture.channel[:, None]
+        product = aperture.forward.astype(np.complex128) * aperture.reverse
+    return np.asarray(product / max(float(np.abs(product).max()), 1e-300))
 
 
 def _jitter_phase(aperture: Aperture, centre: Complex64, options: RobustOptions) -> tuple[Array, float]:
