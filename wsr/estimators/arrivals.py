@@ -8,9 +8,9 @@ e = h - A c, is looked at from all directions,
 
 without a weight for the delay, for an echo is late by nature. Where G is highest is the next path, if fitting it too
 takes enough of e away. Side lobes of stronger paths are gone by then. Errors of the model are not, and any direction
-explains a few percent of them; 12 % of what is left are another matter. Of the 30 links of the development runs that
-list an echo then, 73 % have their first one within 10 degrees of one in the same place's other run, which by chance
-were 2 %, and 20 % have none there.
+explains a few percent of them; 12 % of what is left are another matter. Of the 29 links of the development runs that
+list an echo then, 72 % have their first one within 10 degrees of one in the same place's other run, which by chance
+were 2 %, and 17 % have none there.
 
 Packets of equal power, which direction and range are estimated on, would halve the amplitude of a weaker path, as any
 limiter does; here they have the power they came with. Still a weak echo comes out up to a third too weak: delays are
