@@ -118,8 +118,7 @@ class Aperture:
     @property
     def extents_m(self) -> tuple[float, float, float]:
         """Lengths of the aperture along its principal axes, longest first, in metres."""
-        along = self.principal_axes @ self.chi_m.T
-        shortest, middle, longest = sorted((along.max(axis=1) - along.min(axis=1)).tolist())
+        shortest, middle, longest = sorted(spans(self.chi_m, self.principal_axes).tolist())
         return longest, middle, shortest
 
     @property
@@ -128,6 +127,12 @@ class Aperture:
         longest, *others = self.extents_m
         least = max(_MIN_EXTENT_WAVELENGTHS * self.wavelength_m, _MIN_EXTENT_SHARE * longest)
         return 1 + sum(extent > least for extent in others)
+
+
+def spans(p_m: Array, axes: Array) -> Array:
+    """Lengths (3,) over which positions (M, 3) spread along the unit vectors in the rows of `axes` (3, 3)."""
+    along = axes @ p_m.T
+    return np.asarray(along.max(axis=1) - along.min(axis=1))
 
 
 def make_aperture(

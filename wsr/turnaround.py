@@ -6,8 +6,8 @@ measured at once; the answer comes a turnaround later, so that the product keeps
     g_k ~ exp(+j 4 pi u . chi_k / lambda) exp(-j 2 pi df dt_k).
 
 Both cards stamp what they hear in microseconds, and their clocks run off the same crystals as their carriers: the
-difference of the stamps is dt_k plus a ramp of slope df / f. df comes from the products themselves: it is where
-neighbouring ones agree best; then ramp and mean are taken out, and what is left is the jitter.
+difference of the stamps is dt_k plus a ramp of slope df / f. df comes from the products themselves, where neighbouring
+ones agree best, weighed against that slope; then ramp and mean are taken out, and what is left is the jitter.
 """
 
 from __future__ import annotations
@@ -38,7 +38,6 @@ _SKEW_STEPS = 6
 _LEAST_SPREAD_S = 5e-7
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def carrier_offset_hz(

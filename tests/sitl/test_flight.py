@@ -2,6 +2,7 @@
 
 Each test takes the vehicle as it finds it (engaged or not, in the air or not) and leaves it to the next. FC is the mock
 autopilot, which counts what it receives by the kernel's own time stamps. `make faults` runs the long counts, in parts.
+Longer than other modules, since a cast takes seconds to start and serves one module.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.aperture import MIN_LENGTH_WAVELENGTHS, MIN_PACKETS, Aperture
+from wsr.aperture import MIN_LENGTH_WAVELENGTHS, MIN_PACKETS, Aperture, spans
 from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
@@ -90,8 +90,7 @@ def _check_kept(aperture: Aperture, keep: NDArray[np.bool_]) -> None:
         raise ApertureError(f"only {kept}; needs at least {MIN_PACKETS}")
     if keep.all():
         return
-    along = aperture.principal_axes @ aperture.chi_m[keep].T
-    span_m = float((along.max(axis=1) - along.min(axis=1)).max())
+    span_m = float(spans(aperture.chi_m[keep], aperture.principal_axes).max())
     needed_m = MIN_LENGTH_WAVELENGTHS * aperture.wavelength_m
     if span_m < needed_m <= aperture.extents_m[0]:
         raise ApertureError(f"only {kept}, which span {span_m:.3f} m; needs at least {needed_m:.3f} m")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate, Matrix3
-from wsr.aperture import Aperture
+from wsr.aperture import Aperture, spans
 from wsr.drift import Drift, find_drift, turned
 from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
@@ -85,8 +85,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     bins, wavelength_m = prepared.bins, prepared.wavelength_m
     x = bins.p_m - bins.p_m.mean(axis=0)
     axes = np.linalg.svd(x.T @ x)[2]
-    along = axes @ x.T
-    extents = np.sort(along.max(axis=1) - along.min(axis=1))[::-1]
+    extents = np.sort(spans(x, axes))[::-1]
     flat = extents[2] < max(_MIN_EXTENT_WAVELENGTHS * wavelength_m, _MIN_EXTENT_SHARE * extents[0])
     level = bool(flat and abs(axes[2, 2]) > _LEVEL_COSINE)
     if level:
