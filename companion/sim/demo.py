@@ -19,6 +19,7 @@ from companion.errors import CompanionError
 from companion.log.parts import parts_beside
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.sim import truth
+from companion.sim.operator import engage
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 from companion.unix_datagram import bind_datagram_socket
@@ -93,13 +94,13 @@ class _Operator:
         self._truths: list[WorldTruth] = []
 
     async def run(self, max_time_s: float) -> DemoRun:
-        await self._wait_until_ready()
+        # A signal ends everything in order, as an interrupt does.
+        task = asyncio.current_task()
+        assert task is not None
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        await engage(self._stage.control_socket, _READY_S, self._status)
         engaged_ns = self._clock.now_ns()
         setup_s = (engaged_ns - self._start_ns) / NS_PER_S
-        # Before this the vehicle stood idle; a person would now lift the switch.
-        answer = await ask(self._stage.control_socket, "engage")
-        if not answer["ok"]:
-            raise CompanionError(f"the service refused to engage: {answer['error']}")
         outcome, reached = f"no rendezvous within {max_time_s:g} s", False
         while (elapsed_s := (self._clock.now_ns() - engaged_ns) / NS_PER_S) < max_time_s:
             watch = await self._look(elapsed_s)
@@ -123,20 +124,14 @@ class _Operator:
             await asyncio.sleep(_POLL_S)
             self._drain_truth()
 
-    async def _wait_until_ready(self) -> None:
-        missing = ["nothing has answered yet"]
-        loop = asyncio.get_running_loop()
-        task = asyncio.current_task()
-        assert task is not None
-        loop.add_signal_handler(signal.SIGTERM, task.cancel)  # ends everything in order, as an interrupt does
-        while missing or not self._truths:
-            if (self._clock.now_ns() - self._start_ns) / NS_PER_S > _READY_S:
-                raise CompanionError(f"not ready after {_READY_S:g} s: {'; '.join(missing)}")
-            try:
-                watch = await self._look(0.0)
-                missing = watch.status["not_ready"]
-            except CompanionError as error:  # not listening yet
-                missing = [str(error)]
+    async def _status(self) -> dict[str, Any] | None:
+        try:
+            status = (await self._look(0.0)).status
+        except CompanionError:
+            if self._cast.ended():
+                raise
+            return None
+        return status if self._truths else status | {"not_ready": ["the world tells nothing of itself"]}
 
     async def _look(self, elapsed_s: float) -> Watch:
         await asyncio.sleep(_POLL_S)

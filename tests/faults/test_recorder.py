@@ -29,6 +29,7 @@ from companion.log.parts import open_part, parts_beside
 from companion.log.repair import repair
 from companion.log_reader import LogScan, open_session
 from companion.recorder import McapRecorder
+from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth, decode_world
 from companion.streams import CSI, POSE_IN, SETPOINT, TICK
@@ -147,8 +148,7 @@ async def test_fault_26_a_full_disk_never_disturbs_the_set_point_stream(small_di
             async with Cast(stage, tmp_path):
                 loop = asyncio.get_running_loop()
                 listening = asyncio.create_task(_listen(loop, sock, truths))
-                await _until(stage.control_socket, lambda status: not status["not_ready"])
-                assert (await ask(stage.control_socket, "engage"))["ok"]
+                await engage(stage.control_socket, 90.0)
                 await _until(stage.control_socket, lambda status: status["state"] == "acquiring")
                 _fill(small_disk)
                 begin = truths[-1].vehicle

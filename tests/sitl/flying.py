@@ -20,6 +20,7 @@ from companion.config_file import save_config
 from companion.control import ask
 from companion.errors import CompanionError
 from companion.sim import px4_report, truth
+from companion.sim.operator import engage
 from companion.sim.px4_report import Px4Report
 from companion.sim.scenario import encode_scenario
 from companion.sim.stage import Cast, Stage, set_stage
@@ -98,10 +99,8 @@ class Flying:
     async def in_state(self, *states: str, timeout_s: float = 60.0) -> dict[str, Any]:
         return await self.until(lambda status: status["state"] in states, timeout_s)
 
-    async def engage(self) -> None:
-        await self.until(lambda status: not status["not_ready"])
-        answer = await self.command("engage")
-        assert answer["ok"], answer["error"]
+    async def engage(self, timeout_s: float = 60.0) -> None:
+        await engage(self.stage.control_socket, timeout_s)
 
     async def fly(self, *states: str) -> None:
         """Have the vehicle flown by the service, in one of `states` (any state in OFFBOARD when none is given)."""

@@ -20,6 +20,7 @@ from companion.control import ask
 from companion.errors import CompanionError
 from companion.log_reader import read_log
 from companion.sim import truth
+from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth
 from companion.streams import SERVICE_STREAMS
@@ -118,8 +119,7 @@ async def test_after_kill_9_no_set_point_comes_and_no_process_stays(tmp_path: Pa
         truths: list[WorldTruth] = []
         with bind_datagram_socket(stage.truth_socket) as sock:
             async with Cast(stage, tmp_path) as cast:
-                await _until(lambda status: not status["not_ready"], stage.control_socket)
-                assert (await ask(stage.control_socket, "engage"))["ok"]
+                await engage(stage.control_socket, 90.0)
                 await _until(lambda status: status["state"] == "approaching", stage.control_socket)
                 listening = asyncio.create_task(_listen(sock, truths))
                 pid = cast.pid("uav")

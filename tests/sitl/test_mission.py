@@ -57,8 +57,7 @@ async def _mission(flight: Flying) -> None:
     def flown(status: dict[str, Any]) -> bool:
         return status["state"] == "approaching" and status["bearing"] is not None
 
-    await flight.until(lambda status: not status["not_ready"], 120.0)
-    await flight.engage()
+    await flight.engage(timeout_s=120.0)
     status = await flight.until(flown, 180.0)
     assert status["vehicle"]["mode"] == "offboard" and status["vehicle"]["in_air"] and status["streaming"]
     assert abs(status["vehicle"]["p_local_enu_m"][2] - flight.stage.uav.mission.takeoff_height_m) < 0.6
