@@ -6,6 +6,7 @@ import asyncio
 import math
 import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.clock import NS_PER_S, Clock
@@ -119,15 +120,22 @@ class Engagement:
         return self._seen[1]
 
     def _look_around(self) -> Surroundings:
-        log = self._config.path(self._config.recorder.path)
         return Surroundings(
             self._clock.now_ns(),
             self._autopilot.problem,
             self._age_s(self._checked_ns) < _CHECKED_FOR_S,
             self._node.receiver.neighbours[self._config.target].refused.bad_key,
             self._recorder.failed,
-            shutil.disk_usage(log.parent).free / (1 << 20),
+            _free_mib(self._config.path(self._config.recorder.path).parent),
         )
 
     def _age_s(self, t_ns: int | None) -> float:
         return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
+
+
+def _free_mib(directory: Path) -> float:
+    """None is free where a log's directory has gone."""
+    try:
+        return shutil.disk_usage(directory).free / (1 << 20)
+    except OSError:
+        return 0.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import tempfile
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import cast
@@ -78,11 +79,12 @@ class MissionResult:
 
 
 def config() -> Config:
-    """The defaults of a vehicle, on channel 108; its files and sockets are never opened."""
+    """The defaults of a vehicle, on channel 108; its files and sockets are never opened, only the disk is looked at."""
     return Config(
         role="uav",
         id=UAV_ID,
         name="uav",
+        runtime_dir=tempfile.gettempdir(),
         csi=CsiConfig(channel=108, source="unix"),
         neighbours=NeighbourConfig(key_file="none"),
         peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
