@@ -13,19 +13,29 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from companion.log_reader import LoggedMessage
 from companion.replay.player import Decided
 from companion.sar import ApertureRecord
 from companion.streams import APERTURE, STREAMS, Part, Stream
 
-TOLERANCES: Final[Mapping[str, float]] = {"_rad": 1e-3, "_m": 1e-3, "_m_s": 1e-3, "_ns": 0.0, "_s": 1e-9}
-"""By the unit at the end of a field's name, the longest that fits: 0.06 deg, 1 mm, 1 mm/s; times are exact."""
-RELATIVE: Final = 1e-3
-"""Of any other number, and of a range or its deviation, which far away follow from small angles."""
+TOLERANCES: Final[Mapping[str, float]] = {
+    "_rad": 1e-3, "_m": 2e-2, "_m_s": 1e-3, "_turns": 1e-2, "_ns": 0.0, "_s": 1e-9,
+}  # fmt: skip
+"""By the unit at the end of a field's name, the longest that fits: 0.06 deg and what that is at 20 m, 2 cm; 1 mm/s;
+times are exact."""
+RELATIVE: Final = 1e-2
+"""Of any other number, and of a range, which far away follows from small angles."""
+UNCERTAINTY: Final = 0.1
+"""Of the deviation of a range, of the covariances with it as shares of both deviations, and of noise (rad^-2): where
+the curvature that they follow from is nearly none, its rounding is a large share. Of no range there is no deviation."""
+_RANGE: Final = 2
 COMPUTED: Final = frozenset({"compute_s"})
 """How long it took is no decision."""
 DECISIONS: Final = tuple(stream for stream in STREAMS if stream.part is Part.DECISION)
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +72,17 @@ def check(recorded: Sequence[LoggedMessage], replayed: Sequence[Decided], start_
 def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
     """Every difference of two decoded messages beyond the tolerance of its field, as text."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
+        no_range = "range_m" in ours and ours["range_m"] is None and theirs.get("range_m") is None
         for key in sorted(ours.keys() | theirs.keys()):
-            if key not in COMPUTED:
-                yield from differences(f"{path}.{key}" if path else key, ours.get(key), theirs.get(key))
+            at = f"{path}.{key}" if path else key
+            if key in COMPUTED or (no_range and key == "range_std_m"):
+                continue
+            if key == "covariance" and all(isinstance(one.get(key), list) for one in (ours, theirs)):
+                known = slice(_RANGE if no_range else None)
+                a, b = (np.array(one[key], float)[known, known] for one in (ours, theirs))
+                yield from _covariance_differs(at, a, b)
+            else:
+                yield from differences(at, ours.get(key), theirs.get(key))
     elif isinstance(ours, list) and isinstance(theirs, list):
         if len(ours) != len(theirs):
             yield f"{path} had {len(ours)} entries, has {len(theirs)}"
@@ -128,8 +146,23 @@ def _same(path: str, ours: Any, theirs: Any) -> bool:
     unit = max((unit for unit in TOLERANCES if name.endswith(unit)), key=len, default="")
     if unit == "_rad":
         return abs(math.remainder(ours - theirs, math.tau)) <= TOLERANCES[unit]
-    relative = RELATIVE * max(abs(ours), abs(theirs)) if not unit or name.startswith("range") else 0.0
-    return bool(abs(ours - theirs) <= max(TOLERANCES.get(unit, 0.0), relative))
+    if name == "range_std_m" or name.endswith("rad2"):
+        share = UNCERTAINTY
+    else:
+        share = RELATIVE if not unit or name.startswith("range") else 0.0
+    return bool(abs(ours - theirs) <= max(TOLERANCES.get(unit, 0.0), share * max(abs(ours), abs(theirs))))
+
+
+def _covariance_differs(path: str, ours: Array, theirs: Array) -> Iterator[str]:
+    """Of azimuth, polar angle and range, nan where there is none: entries are compared as shares of the deviations."""
+    if ours.shape != theirs.shape:
+        yield f"{path} was {ours.shape}, is {theirs.shape}"
+        return
+    deviation = np.sqrt(np.fmax(np.diag(ours), np.diag(theirs)))
+    share = np.where(np.maximum(*np.indices(ours.shape)) == _RANGE, UNCERTAINTY, RELATIVE)
+    close = np.abs(ours - theirs) <= share * np.outer(deviation, deviation)
+    for i, j in np.argwhere(~(close | (ours == theirs) | (np.isnan(ours) & np.isnan(theirs)))):
+        yield f"{path}[{i}][{j}] was {ours[i, j]}, is {theirs[i, j]}"
 
 
 def _since(message: LoggedMessage, start_ns: int) -> float:

@@ -20,6 +20,7 @@ from wsr.uncertainty import phase_variance
 
 _STEP_RAD = math.radians(5.0)
 _SHARE = 0.9
+_EQUAL = 1e-9
 
 Array = NDArray[np.float64]
 
@@ -85,7 +86,8 @@ class Informativeness:
 def spread(factor: Array, prior: Prior, share: float = _SHARE) -> Spread:
     """Worst, mean and percentile over a prior, for a `wsr.crb.sphere.scatter_factor`."""
     bounds = crb_over(factor, prior.azimuth_rad, prior.polar_rad).great_circle_rad2
-    worst = int(np.argmax(bounds))
+    # Opposite directions have one bound: of such equals the first, whichever way the processor rounds.
+    worst = int(np.argmax(bounds >= bounds.max() * (1.0 - _EQUAL)))
     order = np.argsort(bounds)
     reached = np.cumsum(prior.weight[order])
     at = min(int(np.searchsorted(reached, share * reached[-1])), bounds.size - 1)
