@@ -15,7 +15,9 @@ call of a process loads it, or compiles it for some seconds: a worker calls `war
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TypeVar, cast
 
 import numpy as np
@@ -41,11 +43,12 @@ _TWO = np.float32(2.0)
 # the same 30 entries of both tables but one, 250 kB, which the second-level cache holds.
 _BLOCK = 512
 _TILE = 30
-# Up to so many packets vector lanes run over columns instead of packets, in groups of so many packets. Columns are then
-# padded to a multiple of 64, so that no column is left over for a loop without lanes.
+# Up to so many packets vector lanes run over columns instead of packets, in groups of so many packets: over those of
+# the one-degree grid and a few, so that none is left over for a loop without lanes. Its tables are so far apart.
 _FEW = 96
-_GROUP = 8
-_WIDE = 64
+_GROUP = 16
+_WIDE = 184
+_STRIDE = 280
 # float32 in a cache line of 64 bytes.
 _LINE = 16
 
@@ -83,15 +86,24 @@ def add_packets(sums: Array32, chi_half_wavelengths: Array64, channel: NDArray[n
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in chi_half_wavelengths.T)
     g_re, g_im = (np.ascontiguousarray(part, np.float32) for part in (channel.real, channel.imag))
     rows = sums.shape[2]
+    sines = _sines(rows)
+    if x.size <= _FEW and rows <= ROWS:
+        room = _aligned((4 * _GROUP * _STRIDE + _WIDE,)), _aligned((8 * _WIDE,))
+        _sum_up_few(sums, x, y, z, g_re, g_im, *sines, *room)
+    else:
+        room = _aligned((4, sines[0].size, _BLOCK)), _aligned((4, rows // 2, _BLOCK))
+        _sum_up(sums, x, y, z, g_re, g_im, *sines, *room)
+
+
+@lru_cache(maxsize=4)
+def _sines(rows: int) -> tuple[Array64, Array64, Array64, Array64, Array64]:
+    """Sines and cosines (3 rows / 2 - 1,) of all sums and of all differences of the grid's angles, and cosines (rows,)
+    of its polar angles."""
     azimuth, polar = grid(rows)
     entries = 3 * rows // 2 - 1
     plus = polar[0] + azimuth[0] + np.pi / rows * np.arange(entries)
     minus = polar[0] - azimuth[rows - 1] + np.pi / rows * np.arange(entries)
-    sines = np.sin(plus), np.cos(plus), np.sin(minus), np.cos(minus), np.cos(polar)
-    if x.size > _FEW:
-        _sum_up(sums, x, y, z, g_re, g_im, *sines, _aligned((4, entries, _BLOCK)), _aligned((4, rows // 2, _BLOCK)))
-    else:
-        _sum_up_few(sums, x, y, z, g_re, g_im, *sines)
+    return np.sin(plus), np.cos(plus), np.sin(minus), np.cos(minus), np.cos(polar)
 
 
 def power_of(sums: Array32) -> Array32:
@@ -125,7 +137,7 @@ def compiled(function: Function) -> Function:
 def _aligned(shape: tuple[int, ...]) -> Array32:
     """An array that starts on a cache line: else half of the 64-byte loads of the inner loop touch two lines, which
     makes the whole sum up to 1.6 times slower."""
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     raw = np.empty(size + _LINE, np.float32)
     start = -raw.ctypes.data // raw.itemsize % _LINE
     return raw[start : start + size].reshape(shape)
@@ -253,35 +265,43 @@ def _sum_up(
 
 
 @compiled
-def _rotate(tables: Array32, member: int, plus: int, minus: int, phasor: Array32) -> None:
-    """Cosines and sines (2, group, P) of a member's sums of two angles over the columns of a row.
+def _add_four(tables: Array32, plus: int, minus: int, turned: Array32, row: int, first: int, total: Array32) -> None:
+    """Add four packets of a group to `total` (8 x _WIDE,), over the columns of a row: the inner loop for few packets.
 
-    Its entries in the tables start at `plus` and `minus`.
+    Their entries in the tables begin at `plus` and `minus`. Flat arrays with distances that are known when this is
+    compiled, and unsigned indices, which cannot wrap around, let the compiler see that lanes are safe.
     """
-    if plus < 0 or minus < 0:  # never; but without it the compiler fears that indices wrap around, and uses no lanes
-        return
-    for column in range(phasor.shape[2]):
-        plus_cos, plus_sin = tables[0, member, plus + column], tables[1, member, plus + column]
-        minus_cos, minus_sin = tables[2, member, minus + column], tables[3, member, minus + column]
-        phasor[0, member, column] = plus_cos * minus_cos - plus_sin * minus_sin
-        phasor[1, member, column] = plus_sin * minus_cos + plus_cos * minus_sin
+    a, b, c, d = turned[0, row], turned[1, row], turned[2, row], turned[3, row]
+    a0, a1, a2, a3 = a[first], a[first + 1], a[first + 2], a[first + 3]
+    b0, b1, b2, b3 = b[first], b[first + 1], b[first + 2], b[first + 3]
+    c0, c1, c2, c3 = c[first], c[first + 1], c[first + 2], c[first + 3]
+    d0, d1, d2, d3 = d[first], d[first + 1], d[first + 2], d[first + 3]
+    p, m = np.uintp(plus), np.uintp(minus)
+    for column in range(_WIDE):
+        j = np.uintp(column)
+        cos0, sin0 = _product(tables, p, m, np.uintp(0))
+        cos1, sin1 = _product(tables, p, m, np.uintp(_STRIDE))
+        cos2, sin2 = _product(tables, p, m, np.uintp(2 * _STRIDE))
+        cos3, sin3 = _product(tables, p, m, np.uintp(3 * _STRIDE))
+        total[j] += (a0 * cos0 + a1 * cos1) + (a2 * cos2 + a3 * cos3)
+        total[j + np.uintp(_WIDE)] += (b0 * cos0 + b1 * cos1) + (b2 * cos2 + b3 * cos3)
+        total[j + np.uintp(2 * _WIDE)] += (c0 * cos0 + c1 * cos1) + (c2 * cos2 + c3 * cos3)
+        total[j + np.uintp(3 * _WIDE)] += (d0 * cos0 + d1 * cos1) + (d2 * cos2 + d3 * cos3)
+        total[j + np.uintp(4 * _WIDE)] += (a0 * sin0 + a1 * sin1) + (a2 * sin2 + a3 * sin3)
+        total[j + np.uintp(5 * _WIDE)] += (b0 * sin0 + b1 * sin1) + (b2 * sin2 + b3 * sin3)
+        total[j + np.uintp(6 * _WIDE)] += (c0 * sin0 + c1 * sin1) + (c2 * sin2 + c3 * sin3)
+        total[j + np.uintp(7 * _WIDE)] += (d0 * sin0 + d1 * sin1) + (d2 * sin2 + d3 * sin3)
+        p += np.uintp(1)
+        m += np.uintp(1)
 
 
 @compiled
-def _add_group(total: Array32, row: int, turned: Array32, phasor: Array32) -> None:
-    """Add a group of packets to one row of the sums (8, T/2, P)."""
-    for part in range(4):
-        a, b, c, d = turned[part, row, 0], turned[part, row, 1], turned[part, row, 2], turned[part, row, 3]
-        e, f, g, h = turned[part, row, 4], turned[part, row, 5], turned[part, row, 6], turned[part, row, 7]
-        for half in range(2):
-            for column in range(phasor.shape[2]):
-                total[part + 4 * half, row, column] += (
-                    (a * phasor[half, 0, column] + b * phasor[half, 1, column])
-                    + (c * phasor[half, 2, column] + d * phasor[half, 3, column])
-                ) + (
-                    (e * phasor[half, 4, column] + f * phasor[half, 5, column])
-                    + (g * phasor[half, 6, column] + h * phasor[half, 7, column])
-                )
+def _product(tables: Array32, plus: np.uintp, minus: np.uintp, member: np.uintp) -> tuple[np.float32, np.float32]:
+    """Cosine and sine of the sum of two angles of the tables."""
+    plus_cos, plus_sin = tables[plus + member], tables[plus + member + np.uintp(_GROUP * _STRIDE)]
+    minus_cos = tables[minus + member + np.uintp(2 * _GROUP * _STRIDE)]
+    minus_sin = tables[minus + member + np.uintp(3 * _GROUP * _STRIDE)]
+    return plus_cos * minus_cos - plus_sin * minus_sin, plus_sin * minus_cos + plus_cos * minus_sin
 
 
 @compiled
@@ -297,15 +317,17 @@ def _sum_up_few(
     sin_minus: Array64,
     cos_minus: Array64,
     cos_polar: Array64,
+    tables: Array32,
+    total: Array32,
 ) -> None:
-    """`_sum_up` for few packets, a group at a time: vector lanes run over columns, so that none has to be added up."""
+    """`_sum_up` for few packets, a group at a time: vector lanes run over columns, so that none has to be added up.
+
+    `tables` (4 x _GROUP x _STRIDE + _WIDE,) and `total` (8 x _WIDE,) are room to work in.
+    """
     entries, columns = sin_plus.size, cos_polar.size
     rows = columns // 2
-    wide = -(-columns // _WIDE) * _WIDE
-    total = np.zeros((8, rows, wide), np.float32)
-    # Zeros, not empty: members of the last group that stand for no packet have no weight, but must be finite.
-    tables = np.zeros((4, _GROUP, entries + _WIDE), np.float32)
-    phasor = np.empty((2, _GROUP, wide), np.float32)
+    if x.size % _GROUP:
+        tables[:] = 0.0  # members of the last group that stand for no packet have no weight, but must be finite
     turns = np.empty(entries, np.float64)
     turned = np.empty((4, rows, _GROUP), np.float32)
     up = turned.reshape(4, rows * _GROUP)
@@ -318,12 +340,12 @@ def _sum_up_few(
             bx, by = 0.5 * x[start + k], 0.5 * y[start + k]
             for entry in range(entries):
                 turns[entry] = bx * sin_plus[entry] - by * cos_plus[entry]
-            phasors(turns, tables[0, k, :entries], tables[1, k, :entries])
+            phasors(turns, tables[k * _STRIDE :], tables[(_GROUP + k) * _STRIDE :])
             # Backwards, so that it is read forwards over the columns.
             for entry in range(entries):
                 back = entries - 1 - entry
                 turns[entry] = bx * sin_minus[back] + by * cos_minus[back]
-            phasors(turns, tables[2, k, :entries], tables[3, k, :entries])
+            phasors(turns, tables[(2 * _GROUP + k) * _STRIDE :], tables[(3 * _GROUP + k) * _STRIDE :])
         bz[:] = 0.0
         group_re[:] = 0.0
         group_im[:] = 0.0
@@ -334,11 +356,11 @@ def _sum_up_few(
                 group_im[row * _GROUP + k] = g_im[start + k]
         _turn(bz, group_re, group_im, up[0], up[1], up[2], up[3])
         for row in range(rows):
-            shift = entries - columns - row
-            for k in range(_GROUP):
-                _rotate(tables, k, row, shift, phasor)
-            _add_group(total, row, turned, phasor)
-    for part in range(8):
-        for row in range(rows):
-            for column in range(columns):
-                sums[part, row, column] += total[part, row, column]
+            total[:] = 0.0
+            for four in range(0, size, 4):
+                plus, minus = four * _STRIDE + row, four * _STRIDE + entries - columns - row
+                _add_four(tables, plus, minus, turned, row, four, total)
+            for part in range(8):
+                into, added = sums[part, row], total[part * _WIDE :]
+                for column in range(columns):
+                    into[column] += added[column]
