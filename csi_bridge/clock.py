@@ -1,13 +1,14 @@
 """The NIC's microsecond clock on the host's clock.
 
 A packet reaches the host late by a varying delay, never early. So the relation of the two clocks is the line under all
-(NIC time, host time - NIC time) points of a recent window: the lower envelope, with a slope of at most 100 ppm.
+(NIC time, host time - NIC time) points of a recent window: a lower envelope, with a slope of at most 100 ppm.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from math import inf
+from itertools import pairwise
+from math import exp, inf, log
 from typing import Final
 
 import numpy as np
@@ -22,13 +23,16 @@ _LATEST_NS: Final = 10_000_000_000
 _BUCKET_NS: Final = 1_000_000_000
 _BUCKETS: Final = 40
 """How far back the envelope reaches. With 120 packets a second, each late by up to 20 ms, the fastest of a second is
-late by 0.2 ms, and so far back from it the slope is known to a few millionths. Crystals keep their rate that long: 0.01
-ppm a second, as when they warm up, bend the line by 2 us."""
+late by 0.2 ms, and so far back from it the slope is known to a millionth. Crystals keep their rate that long: 0.01 ppm
+a second, as when they warm up, bend the line by 2 us."""
 _AGREEING_BUCKETS: Final = 10
 _STRAYED_NS: Final = 1_000_000
 """Where the fastest packet of each of so many buckets comes later than the line by this, the clocks have changed their
 relation, as when the host's is slewed: what is older says nothing any more."""
 _SLOPE_SPAN_NS: Final = 3_000_000_000
+_RESOLUTION_NS: Final = 1_000.0
+_STRAIGHT: Final = 1e-3
+"""An exponential that rises by less is taken for a straight line."""
 _BLOCK: Final = 100
 _MAX_LEAD_NS: Final = 1_000_000
 _AGREE_WITHIN_NS: Final = 2_000_000_000
@@ -141,19 +145,57 @@ class NicClock:
 
 
 def envelope(points: list[Point]) -> tuple[float, float]:
-    """(slope, intercept) of the highest line under all points, |slope| <= 100 ppm; ns in, sorted by time.
+    """(slope, intercept) of the line under all points, |slope| <= 100 ppm; ns in, sorted by time.
 
-    The line that minimises the summed distance is the edge of the lower convex hull above the mean time. A short span
-    says nothing about a slope: there it is zero.
+    Delays just above the least come evenly, so of all lines under the points one is the likelier the less room it
+    leaves: by exp(-room / r), with r the room that one point has. The line is the mean of all of them. The likeliest
+    alone has its slope from two neighbours of the lower hull, and errs up to three times as much at its end, where it
+    is used. A short span says nothing about a slope: there it is zero.
     """
-    slope = 0.0
-    if points[-1][0] - points[0][0] >= _SLOPE_SPAN_NS:
-        hull = _lower_hull(points)
-        middle = sum(t for t, _ in points) / len(points)
-        right = next(i for i in range(1, len(hull)) if hull[i][0] >= middle or i == len(hull) - 1)
-        (t0, y0), (t1, y1) = hull[right - 1], hull[right]
-        slope = min(MAX_SLOPE, max(-MAX_SLOPE, (y1 - y0) / (t1 - t0)))
-    return slope, min(y - slope * t for t, y in points)
+    if points[-1][0] - points[0][0] < _SLOPE_SPAN_NS:
+        return 0.0, min(y for _, y in points)
+    middle = sum(t for t, _ in points) / len(points)
+    least = min(y for _, y in points)
+    hull = [(t - middle, y - least) for t, y in _lower_hull(points)]
+    bends = [_limited((y1 - y0) / (t1 - t0)) for (t0, y0), (t1, y1) in pairwise(hull)]
+    right = next((i for i, (t, _) in enumerate(hull) if t >= 0.0 and i > 0), len(hull) - 1)
+    rate = len(points) / _room(points, bends[right - 1])
+    # While the slope is between two bends, the line that leaves least room touches the hull in the point between them;
+    # over each such stretch the weight is an exponential of the slope, and its moments have a closed form.
+    stretches = [
+        (t, y, low, high)
+        for (t, y), low, high in zip(hull, [-MAX_SLOPE, *bends], [*bends, MAX_SLOPE], strict=True)
+        if low < high
+    ]
+    highest = max(y - slope * t for t, y, low, high in stretches for slope in (low, high))
+    total = slopes = levels = 0.0
+    for t, y, low, high in stretches:
+        at_low, at_high = (rate * (y - slope * t - highest) for slope in (low, high))
+        weight, first = _moments(at_low, at_high)
+        weight, first = weight * (high - low), first * (high - low) ** 2 + weight * (high - low) * low
+        total, slopes, levels = total + weight, slopes + first, levels + y * weight - t * first
+    slope = slopes / total
+    return slope, levels / total - 1.0 / rate + least - slope * middle
+
+
+def _limited(slope: float) -> float:
+    return min(MAX_SLOPE, max(-MAX_SLOPE, slope))
+
+
+def _room(points: list[Point], slope: float) -> float:
+    """How far a point lies above the line of this slope that touches two of them [ns], by the median, since a host that
+    stalls holds up some for long; at least what the stamps tell apart."""
+    levels = sorted(y - slope * t for t, y in points)
+    middle = (levels[len(levels) // 2] - levels[0]) / log(2.0)
+    return max(_RESOLUTION_NS, middle * len(points) / max(1, len(points) - 2))
+
+
+def _moments(at_0: float, at_1: float) -> tuple[float, float]:
+    """Integrals over x from 0 to 1 of exp(f) and x exp(f), where f goes straight from `at_0` to `at_1`."""
+    rise, low, high = at_1 - at_0, exp(at_0), exp(at_1)
+    if abs(rise) < _STRAIGHT:
+        return (low + high) / 2.0, (low + 2.0 * high) / 6.0
+    return (high - low) / rise, (rise * high - high + low) / rise**2
 
 
 def host_times_s(
