@@ -5,8 +5,8 @@ direction (t, p) let a = sin t (x cos p + y sin p) and b = z cos t, in turns.
 
 - (t, p), (pi - t, p), (t, p + pi) and (pi - t, p + pi) share a and b but for the signs: eight real sums of one product
   serve all four directions.
-- 2a = (x sin(t+p) - y cos(t+p)) + (x sin(t-p) + y cos(t-p)): a function of t + p and one of t - p. On a grid with one
-  step in both angles these take few values, so their phasors come from two small tables, and e^{-ja} is one complex
+- 2a = f(t+p) - f(p-t) with f(q) = x sin q - y cos q, and f(q + pi) = -f(q). On a grid with one step in both angles f
+  has as many values as there are rows, so that phasors come from one small table, the wave, and e^{-ja} is one complex
   product.
 
 Machine code is cached next to this file, or where NUMBA_CACHE_DIR says, or nowhere if nothing can be written. The first
@@ -41,15 +41,15 @@ _C0, _C1, _C2, _C3, _C4 = (
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 # A block is long enough that adding up vector lanes at its end costs little; a tile of columns needs, row after row,
-# the same 30 entries of both tables but one, 250 kB, which the second-level cache holds.
-_BLOCK = 512
-_TILE = 30
+# the same 60 entries of the wave but one, twice, 0.7 MB, which the second-level cache holds.
+_BLOCK = 704
+_TILE = 60
 # Up to so many packets vector lanes run over columns instead of packets, in groups of so many packets: over those of
-# the one-degree grid and a few, so that none is left over for a loop without lanes. Its tables are so far apart.
+# the one-degree grid and a few, so that none is left over for a loop without lanes. So far apart are packets' waves.
 _FEW = 96
 _GROUP = 16
 _WIDE = 184
-_STRIDE = 280
+_STRIDE = 368
 # float32 in a cache line of 64 bytes.
 _LINE = 16
 
@@ -87,24 +87,22 @@ def add_packets(sums: Array32, chi_half_wavelengths: Array64, channel: NDArray[n
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in chi_half_wavelengths.T)
     g_re, g_im = (np.ascontiguousarray(part, np.float32) for part in (channel.real, channel.imag))
     rows = sums.shape[2]
-    sines = _sines(rows)
+    angles = _angles(rows)
     if x.size <= _FEW and rows <= ROWS:
-        room = _aligned((4 * _GROUP * _STRIDE + _WIDE,)), _aligned((8 * _WIDE,))
-        _sum_up_few(sums, x, y, z, g_re, g_im, *sines, *room)
+        room = _aligned((2 * _GROUP * _STRIDE,)), _aligned((8 * _WIDE,))
+        _sum_up_few(sums, x, y, z, g_re, g_im, *angles, *room)
     else:
-        room = _aligned((4, sines[0].size, _BLOCK)), _aligned((4, rows // 2, _BLOCK))
-        _sum_up(sums, x, y, z, g_re, g_im, *sines, *room)
+        block = -(-x.size // -(-x.size // _BLOCK) // _LINE) * _LINE
+        room = _aligned((2, 2 * rows - 1, block)), _aligned((4, rows // 2, block))
+        _sum_up(sums, x, y, z, g_re, g_im, *angles, *room)
 
 
 @lru_cache(maxsize=4)
-def _sines(rows: int) -> tuple[Array64, Array64, Array64, Array64, Array64]:
-    """Sines and cosines (3 rows / 2 - 1,) of all sums and of all differences of the grid's angles, and cosines (rows,)
-    of its polar angles."""
-    azimuth, polar = grid(rows)
-    entries = 3 * rows // 2 - 1
-    plus = polar[0] + azimuth[0] + np.pi / rows * np.arange(entries)
-    minus = polar[0] - azimuth[rows - 1] + np.pi / rows * np.arange(entries)
-    return np.sin(plus), np.cos(plus), np.sin(minus), np.cos(minus), np.cos(polar)
+def _angles(rows: int) -> tuple[Array64, Array64, Array64]:
+    """Half of x's and of y's weights in f, each (rows,), and cosines (rows,) of the polar angles, which are also the
+    angles q."""
+    polar = grid(rows)[1]
+    return 0.5 * np.sin(polar), -0.5 * np.cos(polar), np.cos(polar)
 
 
 def power_of(sums: Array32) -> Array32:
@@ -202,7 +200,7 @@ def _turn(
 
 @compiled
 def _add(
-    size: int, tables: Array32, turned: Array32, plus: int, minus: int, row: int, column: int, sums: Array32
+    size: int, wave: Array32, turned: Array32, plus: int, minus: int, row: int, column: int, sums: Array32
 ) -> None:
     """Add a block of packets to the eight sums of one direction and its mirrors: the inner loop.
 
@@ -211,10 +209,10 @@ def _add(
     ur_c = ui_c = dr_c = di_c = np.float32(0.0)
     ur_s = ui_s = dr_s = di_s = np.float32(0.0)
     for k in range(size):
-        plus_cos, plus_sin = tables[0, plus, k], tables[1, plus, k]
-        minus_cos, minus_sin = tables[2, minus, k], tables[3, minus, k]
-        cosine = plus_cos * minus_cos - plus_sin * minus_sin
-        sine = plus_sin * minus_cos + plus_cos * minus_sin
+        plus_cos, plus_sin = wave[0, plus, k], wave[1, plus, k]
+        minus_cos, minus_sin = wave[0, minus, k], wave[1, minus, k]
+        cosine = plus_cos * minus_cos + plus_sin * minus_sin
+        sine = plus_sin * minus_cos - plus_cos * minus_sin
         ur_c += turned[0, row, k] * cosine
         ui_c += turned[1, row, k] * cosine
         dr_c += turned[2, row, k] * cosine
@@ -241,31 +239,34 @@ def _sum_up(
     z: Array64,
     g_re: Array32,
     g_im: Array32,
-    sin_plus: Array64,
-    cos_plus: Array64,
-    sin_minus: Array64,
-    cos_minus: Array64,
+    along_x: Array64,
+    along_y: Array64,
     cos_polar: Array64,
-    tables: Array32,
+    wave: Array32,
     turned: Array32,
 ) -> None:
-    """Add to the sums (8, T/2, P/2) of cos a and sin a with g e^{-jb} (upper half) and g e^{+jb} (lower half); `tables`
-    (4, entries, block) and `turned` (4, T/2, block) are room to work in."""
-    entries, columns = sin_plus.size, cos_polar.size
+    """Add to the sums (8, T/2, P/2) of cos a and sin a with g e^{-jb} (upper half) and g e^{+jb} (lower half).
+
+    Room to work in: `wave` (2, 2 P/2 - 1, block), cosines and sines of f at angles from -pi/2 on, and `turned`
+    (4, T/2, block).
+    """
+    columns, block = cos_polar.size, wave.shape[2]
     rows = columns // 2
-    for start in range(0, x.size, _BLOCK):
-        bx, by, bz = x[start : start + _BLOCK], y[start : start + _BLOCK], z[start : start + _BLOCK]
+    for start in range(0, x.size, block):
+        bx, by, bz = x[start : start + block], y[start : start + block], z[start : start + block]
         turns = np.empty(bx.size, np.float64)
-        for entry in range(entries):
-            _across(bx, by, 0.5 * sin_plus[entry], -0.5 * cos_plus[entry], turns)
-            phasors(turns, tables[0, entry], tables[1, entry])
-            _across(bx, by, 0.5 * sin_minus[entry], 0.5 * cos_minus[entry], turns)
-            phasors(turns, tables[2, entry], tables[3, entry])
+        for q in range(columns):
+            _across(bx, by, along_x[q], along_y[q], turns)
+            phasors(turns, wave[0, rows + q], wave[1, rows + q])
+        for q in range(rows):
+            _opposite(wave, q, q + columns)
+        for q in range(rows, columns - 1):
+            _opposite(wave, q + columns, q)
         for row in range(rows):
             _turn(
                 bz * cos_polar[row],
-                g_re[start : start + _BLOCK],
-                g_im[start : start + _BLOCK],
+                g_re[start : start + block],
+                g_im[start : start + block],
                 turned[0, row],
                 turned[1, row],
                 turned[2, row],
@@ -274,14 +275,23 @@ def _sum_up(
         for first in range(0, columns, _TILE):
             for row in range(rows):
                 for column in range(first, min(first + _TILE, columns)):
-                    _add(bx.size, tables, turned, row + column, row - column + columns - 1, row, column, sums)
+                    # p begins at -pi: f there is that of half a turn on with the other sign, and so both change places.
+                    _add(bx.size, wave, turned, column - row - 1 + rows, column + row + rows, row, column, sums)
 
 
 @compiled
-def _add_four(tables: Array32, plus: int, minus: int, turned: Array32, row: int, first: int, total: Array32) -> None:
+def _opposite(wave: Array32, into: int, of: int) -> None:
+    """f half a turn away."""
+    for k in range(wave.shape[2]):
+        wave[0, into, k] = wave[0, of, k]
+        wave[1, into, k] = -wave[1, of, k]
+
+
+@compiled
+def _add_four(wave: Array32, plus: int, minus: int, turned: Array32, row: int, first: int, total: Array32) -> None:
     """Add four packets of a group to `total` (8 x _WIDE,), over the columns of a row: the inner loop for few packets.
 
-    Their entries in the tables begin at `plus` and `minus`. Flat arrays with distances that are known when this is
+    Their entries in the wave begin at `plus` and `minus`. Flat arrays with distances that are known when this is
     compiled, and unsigned indices, which cannot wrap around, let the compiler see that lanes are safe.
     """
     a, b, c, d = turned[0, row], turned[1, row], turned[2, row], turned[3, row]
@@ -292,10 +302,10 @@ def _add_four(tables: Array32, plus: int, minus: int, turned: Array32, row: int,
     p, m = np.uintp(plus), np.uintp(minus)
     for column in range(_WIDE):
         j = np.uintp(column)
-        cos0, sin0 = _product(tables, p, m, np.uintp(0))
-        cos1, sin1 = _product(tables, p, m, np.uintp(_STRIDE))
-        cos2, sin2 = _product(tables, p, m, np.uintp(2 * _STRIDE))
-        cos3, sin3 = _product(tables, p, m, np.uintp(3 * _STRIDE))
+        cos0, sin0 = _product(wave, p, m)
+        cos1, sin1 = _product(wave, p + np.uintp(_STRIDE), m + np.uintp(_STRIDE))
+        cos2, sin2 = _product(wave, p + np.uintp(2 * _STRIDE), m + np.uintp(2 * _STRIDE))
+        cos3, sin3 = _product(wave, p + np.uintp(3 * _STRIDE), m + np.uintp(3 * _STRIDE))
         total[j] += (a0 * cos0 + a1 * cos1) + (a2 * cos2 + a3 * cos3)
         total[j + np.uintp(_WIDE)] += (b0 * cos0 + b1 * cos1) + (b2 * cos2 + b3 * cos3)
         total[j + np.uintp(2 * _WIDE)] += (c0 * cos0 + c1 * cos1) + (c2 * cos2 + c3 * cos3)
@@ -309,12 +319,11 @@ def _add_four(tables: Array32, plus: int, minus: int, turned: Array32, row: int,
 
 
 @compiled
-def _product(tables: Array32, plus: np.uintp, minus: np.uintp, member: np.uintp) -> tuple[np.float32, np.float32]:
-    """Cosine and sine of the sum of two angles of the tables."""
-    plus_cos, plus_sin = tables[plus + member], tables[plus + member + np.uintp(_GROUP * _STRIDE)]
-    minus_cos = tables[minus + member + np.uintp(2 * _GROUP * _STRIDE)]
-    minus_sin = tables[minus + member + np.uintp(3 * _GROUP * _STRIDE)]
-    return plus_cos * minus_cos - plus_sin * minus_sin, plus_sin * minus_cos + plus_cos * minus_sin
+def _product(wave: Array32, plus: np.uintp, minus: np.uintp) -> tuple[np.float32, np.float32]:
+    """Cosine and sine of the difference of two entries of a packet."""
+    plus_cos, plus_sin = wave[plus], wave[plus + np.uintp(_GROUP * _STRIDE)]
+    minus_cos, minus_sin = wave[minus], wave[minus + np.uintp(_GROUP * _STRIDE)]
+    return plus_cos * minus_cos + plus_sin * minus_sin, plus_sin * minus_cos - plus_cos * minus_sin
 
 
 @compiled
@@ -325,23 +334,21 @@ def _sum_up_few(
     z: Array64,
     g_re: Array32,
     g_im: Array32,
-    sin_plus: Array64,
-    cos_plus: Array64,
-    sin_minus: Array64,
-    cos_minus: Array64,
+    along_x: Array64,
+    along_y: Array64,
     cos_polar: Array64,
-    tables: Array32,
+    wave: Array32,
     total: Array32,
 ) -> None:
     """`_sum_up` for few packets, a group at a time: vector lanes run over columns, so that none has to be added up.
 
-    `tables` (4 x _GROUP x _STRIDE + _WIDE,) and `total` (8 x _WIDE,) are room to work in.
+    Room to work in: `wave` (2 x _GROUP x _STRIDE,) and `total` (8 x _WIDE,).
     """
-    entries, columns = sin_plus.size, cos_polar.size
+    columns = cos_polar.size
     rows = columns // 2
-    if x.size % _GROUP:
-        tables[:] = 0.0  # members of the last group that stand for no packet have no weight, but must be finite
-    turns = np.empty(entries, np.float64)
+    # Members of the last group that stand for no packet have no weight, but must be finite.
+    wave[:] = 0.0
+    turns = np.empty(columns, np.float64)
     turned = np.empty((4, rows, _GROUP), np.float32)
     up = turned.reshape(4, rows * _GROUP)
     bz = np.empty(rows * _GROUP, np.float64)
@@ -350,15 +357,15 @@ def _sum_up_few(
     for start in range(0, x.size, _GROUP):
         size = min(_GROUP, x.size - start)
         for k in range(size):
-            bx, by = 0.5 * x[start + k], 0.5 * y[start + k]
-            for entry in range(entries):
-                turns[entry] = bx * sin_plus[entry] - by * cos_plus[entry]
-            phasors(turns, tables[k * _STRIDE :], tables[(_GROUP + k) * _STRIDE :])
-            # Backwards, so that it is read forwards over the columns.
-            for entry in range(entries):
-                back = entries - 1 - entry
-                turns[entry] = bx * sin_minus[back] + by * cos_minus[back]
-            phasors(turns, tables[(2 * _GROUP + k) * _STRIDE :], tables[(3 * _GROUP + k) * _STRIDE :])
+            cosine, sine = wave[k * _STRIDE :], wave[(_GROUP + k) * _STRIDE :]
+            bx, by = x[start + k], y[start + k]
+            for q in range(columns):
+                turns[q] = bx * along_x[q] + by * along_y[q]
+            phasors(turns, cosine[rows:], sine[rows:])
+            for q in range(rows):
+                cosine[q], sine[q] = cosine[q + columns], -sine[q + columns]
+            for q in range(rows, columns - 1):
+                cosine[q + columns], sine[q + columns] = cosine[q], -sine[q]
         bz[:] = 0.0
         group_re[:] = 0.0
         group_im[:] = 0.0
@@ -371,8 +378,8 @@ def _sum_up_few(
         for row in range(rows):
             total[:] = 0.0
             for four in range(0, size, 4):
-                plus, minus = four * _STRIDE + row, four * _STRIDE + entries - columns - row
-                _add_four(tables, plus, minus, turned, row, four, total)
+                plus, minus = four * _STRIDE + rows - row - 1, four * _STRIDE + rows + row
+                _add_four(wave, plus, minus, turned, row, four, total)
             for part in range(8):
                 into, added = sums[part, row], total[part * _WIDE :]
                 for column in range(columns):
