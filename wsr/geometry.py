@@ -35,10 +35,17 @@ def wrap_angle(angle_rad: ArrayLike) -> Array:
     return np.asarray(np.mod(np.asarray(angle_rad, float) + np.pi, 2 * np.pi) - np.pi)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Vector products (..., 3), as np.cross, which takes five times as long over a single one."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
 def great_circle(u: ArrayLike, v: ArrayLike) -> Array:
     """Angle in [0, pi] between vectors (..., 3); exact for tiny angles too, where arccos of the dot product is not."""
     a, b = np.asarray(u, float), np.asarray(v, float)
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+    return np.asarray(np.arctan2(np.linalg.norm(cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 def rotation_z(yaw_rad: float) -> Array:
@@ -51,8 +58,8 @@ def rotate(q_wxyz: ArrayLike, v: ArrayLike) -> Array:
     """Vectors (..., 3) turned by unit quaternions (..., 4): v + 2 w (r x v) + 2 r x (r x v)."""
     q, vector = np.asarray(q_wxyz, float), np.asarray(v, float)
     w, r = q[..., :1], q[..., 1:]
-    cross = np.cross(r, vector)
-    return np.asarray(vector + 2.0 * (w * cross + np.cross(r, cross)))
+    across = cross(r, vector)
+    return np.asarray(vector + 2.0 * (w * across + cross(r, across)))
 
 
 def quaternion_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
@@ -60,7 +67,7 @@ def quaternion_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
     a, b = np.asarray(a_wxyz, float), np.asarray(b_wxyz, float)
     aw, ar, bw, br = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
     w = aw * bw - np.sum(ar * br, axis=-1, keepdims=True)
-    return np.concatenate([w, aw * br + bw * ar + np.cross(ar, br)], axis=-1)
+    return np.concatenate([w, aw * br + bw * ar + cross(ar, br)], axis=-1)
 
 
 def quaternion_conjugate(q_wxyz: ArrayLike) -> Array:
