@@ -22,6 +22,7 @@ from companion.flight_commands import FlightCommands, Report
 from companion.log.encoding import encoded
 from companion.log_reader import LoggedMessage, Session
 from companion.messages import VehicleState, pose_of
+from companion.replay.ahead import ReadAhead
 from companion.replay.recorded import (
     REPLAY_KEY,
     RecordedAutopilot,
@@ -165,7 +166,9 @@ class Player:
         that are no inputs are passed over."""
         if not self._exact:
             self._learn_latencies()
-        inputs = (message for message in messages if message.topic in INPUT_TOPICS)
+        ahead = ReadAhead(messages)
+        self.worker.meanwhile = ahead.fill
+        inputs = (message for message in ahead if message.topic in INPUT_TOPICS)
         for event in input_events(inputs, self._session.wall_minus_mono_ns):
             if not self._exact:
                 self._answer_due(event.t_ns)

@@ -6,9 +6,10 @@ import asyncio
 import contextlib
 import dataclasses
 import os
+import select
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Final
 
@@ -235,6 +236,8 @@ class RecordedWorker:
         """When each aperture without an answer was submitted [ns]."""
         self.unexpected = 0
         """Answers to apertures that the replay did not submit."""
+        self.meanwhile: Callable[[], bool] = lambda: False
+        """What may be done while the worker computes, a little at a time; whether there is more of it."""
         self._process = subprocess.Popen(
             tied(sys.executable, "-m", "companion.aoa_worker", estimator),
             stdin=subprocess.PIPE,
@@ -285,6 +288,8 @@ class RecordedWorker:
 
     def _read(self) -> AoaResult:
         assert self._process.stdout is not None
+        while not select.select([self._process.stdout], [], [], 0.0)[0] and self.meanwhile():
+            pass
         head = self._process.stdout.read(LENGTH.size)
         if len(head) < LENGTH.size:
             raise CompanionError("the AOA worker of the replay ended; its error stands above")

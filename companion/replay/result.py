@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 
@@ -23,9 +21,6 @@ from companion.log.writer import LogWriter
 from companion.log_reader import LoggedMessage, Progress, Session
 from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, InputEvent, Player
 from companion.streams import HEALTH
-
-_BATCH: Final = 2048
-"""Messages read ahead: those of about one SAR iteration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +99,7 @@ class Replay:
     def _messages(self) -> Iterator[LoggedMessage]:
         topics = INPUT_TOPICS | DECISION_TOPICS | {HEALTH.topic}
         # Behind a damaged place inputs are missing, and all that follows from them would differ.
-        read = self._session.messages(topics, self._progress, self._note_cut, past_damage=False)
-        for message in _read_ahead(read):
+        for message in self._session.messages(topics, self._progress, self._note_cut, past_damage=False):
             self._last = message.sequence
             if message.topic in DECISION_TOPICS:
                 self._recorded.append(message)
@@ -115,16 +109,6 @@ class Replay:
 
     def _note_cut(self, path: Path) -> None:
         self._is_cut = True
-
-
-def _read_ahead(messages: Iterable[LoggedMessage]) -> Iterator[LoggedMessage]:
-    """The same in a thread of its own, a batch ahead: it reads while the replay waits for the worker."""
-    rest = iter(messages)
-    with ThreadPoolExecutor(1) as thread:
-        coming = thread.submit(lambda: list(itertools.islice(rest, _BATCH)))
-        while batch := coming.result():
-            coming = thread.submit(lambda: list(itertools.islice(rest, _BATCH)))
-            yield from batch
 
 
 def replay_log(player: Player, session: Session, speed: float | None, progress: Progress | None = None) -> ReplayResult:
