@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +47,8 @@ class Aperture:
     forward: NDArray[np.complex64] | None = None
     reverse: NDArray[np.complex64] | None = None
     nic_us: Array | None = None
+    _shape: list[Any] = field(default_factory=list, init=False, repr=False)
+    """The principal axes and the extents along them, once they were asked for: estimators ask ten times."""
 
     def __post_init__(self) -> None:
         for name, array, shape in (
@@ -108,18 +111,25 @@ class Aperture:
     @property
     def principal_axes(self) -> Array:
         """Unit vectors (3, 3), one per row, along which the packets spread most, less, least. Raises ApertureError."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            scatter = self.chi_m.T @ self.chi_m
-        try:
-            return np.asarray(np.linalg.svd(scatter)[2])
-        except np.linalg.LinAlgError:
-            raise ApertureError(f"chi_m reaches {np.abs(self.chi_m).max():.3g} m, too far to have axes") from None
+        return self._spread()[0]
 
     @property
     def extents_m(self) -> tuple[float, float, float]:
         """Lengths of the aperture along its principal axes, longest first, in metres."""
-        shortest, middle, longest = sorted(spans(self.chi_m, self.principal_axes).tolist())
-        return longest, middle, shortest
+        return self._spread()[1]
+
+    def _spread(self) -> tuple[Array, tuple[float, float, float]]:
+        if self._shape:
+            return self._shape[0], self._shape[1]
+        with np.errstate(over="ignore", invalid="ignore"):
+            scatter = self.chi_m.T @ self.chi_m
+        try:
+            axes = np.asarray(np.linalg.svd(scatter)[2])
+        except np.linalg.LinAlgError:
+            raise ApertureError(f"chi_m reaches {np.abs(self.chi_m).max():.3g} m, too far to have axes") from None
+        shortest, middle, longest = sorted(spans(self.chi_m, axes).tolist())
+        self._shape.extend((axes, (longest, middle, shortest)))
+        return axes, (longest, middle, shortest)
 
     @property
     def dimension(self) -> int:
