@@ -21,8 +21,8 @@ from functools import lru_cache
 from typing import TypeVar, cast
 
 import numpy as np
-from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba import config, njit
+from numba.core.codegen import get_host_cpu_features
 from numpy.typing import NDArray
 
 Array32 = NDArray[np.float32]
@@ -125,10 +125,9 @@ def warm_up() -> None:
 def _use_whole_registers() -> None:
     """LLVM uses half of each 512-bit register where some relatives of a processor slow down in whole ones; sums as long
     as these gain a fifth from whole ones all the same. Whoever chooses a processor for Numba is left with it."""
-    settings = vars(config)
-    if settings["CPU_NAME"] is None and settings["CPU_FEATURES"] is None and get_host_cpu_features().get("avx512f"):
-        settings["CPU_NAME"] = get_host_cpu_name()
-        settings["CPU_FEATURES"] = get_host_cpu_features().flatten() + ",-prefer-256-bit"
+    settings, features = vars(config), get_host_cpu_features()
+    if settings["CPU_NAME"] is None and settings["CPU_FEATURES"] is None and "+avx512f" in features:
+        settings["CPU_FEATURES"] = features + ",-prefer-256-bit"
 
 
 _use_whole_registers()
