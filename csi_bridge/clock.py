@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import pairwise
-from math import exp, inf, log
+from math import exp, inf
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,8 @@ _STRAYED_NS: Final = 1_000_000
 relation, as when the host's is slewed: what is older says nothing any more."""
 _SLOPE_SPAN_NS: Final = 3_000_000_000
 _RESOLUTION_NS: Final = 1_000.0
+_USUAL_MISFIT: Final = 0.65
+"""Median distance of an exponential deviate from the middle of two others, as a share of their mean."""
 _STRAIGHT: Final = 1e-3
 """An exponential that rises by less is taken for a straight line."""
 _BLOCK: Final = 100
@@ -148,9 +150,9 @@ def envelope(points: list[Point]) -> tuple[float, float]:
     """(slope, intercept) of the line under all points, |slope| <= 100 ppm; ns in, sorted by time.
 
     Delays just above the least come evenly, so of all lines under the points one is the likelier the less room it
-    leaves: by exp(-room / r), with r the room that one point has. The line is the mean of all of them. The likeliest
-    alone has its slope from two neighbours of the lower hull, and errs up to three times as much at its end, where it
-    is used. A short span says nothing about a slope: there it is zero.
+    leaves: by exp(-room / r), with r how late a point is in the mean. The line is the mean of all of them. The
+    likeliest alone has its slope from two neighbours of the lower hull, and errs up to three times as much at its end,
+    where it is used. A short span says nothing about a slope: there it is zero.
     """
     if points[-1][0] - points[0][0] < _SLOPE_SPAN_NS:
         return 0.0, min(y for _, y in points)
@@ -158,8 +160,7 @@ def envelope(points: list[Point]) -> tuple[float, float]:
     least = min(y for _, y in points)
     hull = [(t - middle, y - least) for t, y in _lower_hull(points)]
     bends = [_limited((y1 - y0) / (t1 - t0)) for (t0, y0), (t1, y1) in pairwise(hull)]
-    right = next((i for i, (t, _) in enumerate(hull) if t >= 0.0 and i > 0), len(hull) - 1)
-    rate = len(points) / _room(points, bends[right - 1])
+    rate = len(points) / _room(points)
     # While the slope is between two bends, the line that leaves least room touches the hull in the point between them;
     # over each such stretch the weight is an exponential of the slope, and its moments have a closed form.
     stretches = [
@@ -175,19 +176,22 @@ def envelope(points: list[Point]) -> tuple[float, float]:
         weight, first = weight * (high - low), first * (high - low) ** 2 + weight * (high - low) * low
         total, slopes, levels = total + weight, slopes + first, levels + y * weight - t * first
     slope = slopes / total
-    return slope, levels / total - 1.0 / rate + least - slope * middle
+    return slope, levels / total + least - slope * middle
 
 
 def _limited(slope: float) -> float:
     return min(MAX_SLOPE, max(-MAX_SLOPE, slope))
 
 
-def _room(points: list[Point], slope: float) -> float:
-    """How far a point lies above the line of this slope that touches two of them [ns], by the median, since a host that
-    stalls holds up some for long; at least what the stamps tell apart."""
-    levels = sorted(y - slope * t for t, y in points)
-    middle = (levels[len(levels) // 2] - levels[0]) / log(2.0)
-    return max(_RESOLUTION_NS, middle * len(points) / max(1, len(points) - 2))
+def _room(points: list[Point]) -> float:
+    """How late a point is in the mean [ns], from the median of how far each lies off the line between its neighbours,
+    so that clocks whose rate changes do not pass for late points. At least what stamps tell apart."""
+    off = sorted(
+        abs(y - (y0 * (t1 - t) + y1 * (t - t0)) / (t1 - t0))
+        for (t0, y0), (t, y), (t1, y1) in zip(points, points[1:], points[2:], strict=False)
+        if t1 > t0
+    )
+    return max(_RESOLUTION_NS, off[len(off) // 2] / _USUAL_MISFIT if off else 0.0)
 
 
 def _moments(at_0: float, at_1: float) -> tuple[float, float]:
