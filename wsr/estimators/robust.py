@@ -39,6 +39,8 @@ _PATHS = 5
 # Mean squares of blocks of residual phases over those of white noise, from where on they are taken to hold a trend.
 _TREND = 4.0
 _APART_RAD = math.radians(12.0)
+# A grid of 3 degrees, so fine that one step is less than anybody minds.
+_FINE_STEP_RAD, _FINE_STEPS = math.radians(0.05), 30
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -148,7 +150,23 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, o
         u = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
         return float((score(fused, u, (focus.range_m,), options.delay_ns).score[:, 0, 0] / seen.peak).mean())
 
-    return max(found, key=fused_score)
+    best = max(found, key=fused_score)
+    return best if bounds.planar else _settled(fused, seen, best, options)
+
+
+def _settled(fused: SubApertures, seen: Look, focus: Focus, options: RobustOptions) -> Focus:
+    """The best of a fixed grid of directions around a focus, at its range.
+
+    Where nothing adds up coherently the score has edges, since signs are chosen anew in every direction, and a climb
+    ends where its steps happen to lead: micrometres of the path would move it by half a degree.
+    """
+    around = _FINE_STEP_RAD * np.arange(-_FINE_STEPS, _FINE_STEPS + 1)
+    azimuths = _FINE_STEP_RAD * round(focus.azimuth_rad / _FINE_STEP_RAD) + around
+    polars = _FINE_STEP_RAD * round(focus.polar_rad / _FINE_STEP_RAD) + around
+    azimuth, polar = (axis.ravel() for axis in np.meshgrid(azimuths, polars[(polars > 0.0) & (polars < math.pi)]))
+    scores = score(fused, direction(azimuth, polar), (focus.range_m,), options.delay_ns)
+    at = int(np.argmax((scores.score[:, :, 0] / seen.peak[:, None]).mean(axis=0)))
+    return Focus(float(azimuth[at]), float(polar[at]), focus.range_m, float(scores.coherence[0, at, 0]))
 
 
 def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
