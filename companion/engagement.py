@@ -134,7 +134,7 @@ class Engagement:
 
 
 def _free_mib(directory: Path) -> float:
-    """None is free where a log's directory has gone."""
+    """Nothing is free where the log's directory has gone."""
     try:
         return shutil.disk_usage(directory).free / (1 << 20)
     except OSError:

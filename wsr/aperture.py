@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +46,7 @@ class Aperture:
     forward: NDArray[np.complex64] | None = None
     reverse: NDArray[np.complex64] | None = None
     nic_us: Array | None = None
-    _shape: list[Any] = field(default_factory=list, init=False, repr=False)
+    _known_spread: list[tuple[Array, tuple[float, float, float]]] = field(default_factory=list, init=False, repr=False)
     """The principal axes and the extents along them, once they were asked for: estimators ask ten times."""
 
     def __post_init__(self) -> None:
@@ -119,8 +118,8 @@ class Aperture:
         return self._spread()[1]
 
     def _spread(self) -> tuple[Array, tuple[float, float, float]]:
-        if self._shape:
-            return self._shape[0], self._shape[1]
+        if self._known_spread:
+            return self._known_spread[0]
         with np.errstate(over="ignore", invalid="ignore"):
             scatter = self.chi_m.T @ self.chi_m
         try:
@@ -128,8 +127,8 @@ class Aperture:
         except np.linalg.LinAlgError:
             raise ApertureError(f"chi_m reaches {np.abs(self.chi_m).max():.3g} m, too far to have axes") from None
         shortest, middle, longest = sorted(spans(self.chi_m, axes).tolist())
-        self._shape.extend((axes, (longest, middle, shortest)))
-        return axes, (longest, middle, shortest)
+        self._known_spread.append((axes, (longest, middle, shortest)))
+        return self._known_spread[0]
 
     @property
     def dimension(self) -> int:

@@ -86,13 +86,17 @@ def add_packets(sums: Array32, chi_half_wavelengths: Array64, channel: NDArray[n
     """Add packets c (M, 3), g (M,) to running sums in place. The sum is linear in g: adding -g takes packets out."""
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in chi_half_wavelengths.T)
     g_re, g_im = (np.ascontiguousarray(part, np.float32) for part in (channel.real, channel.imag))
+    if not x.size:
+        return
     rows = sums.shape[2]
     angles = _angles(rows)
     if x.size <= _FEW and rows <= ROWS:
         room = _aligned((2 * _GROUP * _STRIDE,)), _aligned((8 * _WIDE,))
         _sum_up_few(sums, x, y, z, g_re, g_im, *angles, *room)
     else:
-        block = -(-x.size // -(-x.size // _BLOCK) // _LINE) * _LINE
+        # As many blocks as needed, all about as long, whole cache lines each.
+        blocks = math.ceil(x.size / _BLOCK)
+        block = math.ceil(x.size / blocks / _LINE) * _LINE
         room = _aligned((2, 2 * rows - 1, block)), _aligned((4, rows // 2, block))
         _sum_up(sums, x, y, z, g_re, g_im, *angles, *room)
 

@@ -17,7 +17,6 @@ _AT_REST: Final = ("idle", "latched")
 _ANSWER_S: Final = 2.0
 """A granted wish takes effect at the next tick."""
 
-
 Look = Callable[[], Awaitable[dict[str, Any] | None]]
 
 

@@ -6,8 +6,7 @@ import asyncio
 import os
 import sys
 from asyncio.subprocess import PIPE, STDOUT
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +14,16 @@ import pytest
 
 from companion.control import ControlServer, ask
 from companion.errors import CompanionError
+from tests.control_socket import serving
 
 
 async def echo(command: str) -> dict[str, Any]:
     return {"ok": True, "got": command}
 
 
-@asynccontextmanager
-async def server(path: Path) -> AsyncIterator[None]:
-    task = asyncio.create_task(ControlServer(path, echo).run())
-    for _ in range(200):
-        await asyncio.sleep(0.01)
-        with suppress(CompanionError):
-            await ask(path, "hello")
-            break
-    try:
-        yield
-    finally:
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
-
-
 async def test_a_command_is_answered_and_the_socket_is_the_owners_alone(tmp_path: Path) -> None:
     path = tmp_path / "control.sock"
-    async with server(path):
+    async with serving(path, echo):
         assert await ask(path, "status") == {"ok": True, "got": "status"}
         assert path.stat().st_mode & 0o777 == 0o600
     assert not path.exists()
@@ -98,7 +82,7 @@ async def test_a_path_that_can_be_no_socket_is_one_clear_error(tmp_path: Path) -
 
 async def test_garbage_is_answered_with_what_would_be_right(tmp_path: Path) -> None:
     path = tmp_path / "control.sock"
-    async with server(path):
+    async with serving(path, echo):
         reader, writer = await asyncio.open_unix_connection(path)
         for line in (b"not json\n", b"[]\n", b'{"order": 1}\n'):
             writer.write(line)
@@ -108,7 +92,7 @@ async def test_garbage_is_answered_with_what_would_be_right(tmp_path: Path) -> N
 
 async def test_a_second_service_is_refused_and_a_stale_socket_replaced(tmp_path: Path) -> None:
     path = tmp_path / "control.sock"
-    async with server(path):
+    async with serving(path, echo):
         with pytest.raises(CompanionError, match="another service is running"):
             await ControlServer(path, echo).run()
         assert (await ask(path, "status"))["ok"]

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from companion.control import ControlServer
 from companion.errors import CompanionError
 from companion.sim.operator import engage
+from tests.control_socket import serving
 
 
 class Service:
@@ -29,39 +26,30 @@ class Service:
             self._now = self._outcomes[self.engagements]
             self.engagements += 1
             return {"ok": True}
+        if command != "status":
+            return {"ok": True}
         state, reason = self._now
         missing, self._missing = self._missing[:1], self._missing[1:]
         return {"ok": True, "state": state, "reason": reason, "not_ready": missing}
 
 
-@asynccontextmanager
-async def listening(service: Service, path: Path) -> AsyncIterator[None]:
-    task = asyncio.create_task(ControlServer(path, service.answer).run())
-    try:
-        yield
-    finally:
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
-
-
 async def test_a_failed_preflight_is_tried_again(tmp_path: Path) -> None:
     service = Service([("idle", "preflight_failed: the clock is uncertain"), ("taking_off", "preflight_passed")], ["x"])
-    async with listening(service, tmp_path / "control.sock"):
+    async with serving(tmp_path / "control.sock", service.answer):
         await engage(tmp_path / "control.sock", 10.0)
     assert service.engagements == 2
 
 
 async def test_who_was_latched_at_once_is_not_engaged_again(tmp_path: Path) -> None:
     service = Service([("latched", "mode_lost")])
-    async with listening(service, tmp_path / "control.sock"):
+    async with serving(tmp_path / "control.sock", service.answer):
         await engage(tmp_path / "control.sock", 10.0)
     assert service.engagements == 1
 
 
 async def test_what_is_missing_is_named(tmp_path: Path) -> None:
     service = Service([], ["the battery is low"] * 1000)
-    async with listening(service, tmp_path / "control.sock"):
+    async with serving(tmp_path / "control.sock", service.answer):
         with pytest.raises(CompanionError, match=r"not ready after 0\.3 s: the battery is low"):
             await engage(tmp_path / "control.sock", 0.3)
     with pytest.raises(CompanionError, match="nothing has answered yet"):

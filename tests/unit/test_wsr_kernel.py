@@ -69,6 +69,13 @@ def test_what_is_not_finite_or_silent_is_refused() -> None:
         bartlett_profile(np.zeros((3, 3)), np.zeros(3, np.complex128), 0.05)
 
 
+@pytest.mark.parametrize("rows", [2, kernel.ROWS, 2 * kernel.ROWS])
+def test_no_packets_change_nothing(rows: int) -> None:
+    sums = kernel.empty_sums(rows)
+    kernel.add_packets(sums, np.zeros((0, 3)), np.zeros(0, np.complex128))
+    assert not sums.any()
+
+
 def test_is_far_faster_than_the_naive_sum() -> None:
     """About 450 times at 2000 packets on an idle core; 60 leaves room for a busy machine."""
     t, p = weave(2000)
