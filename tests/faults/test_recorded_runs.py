@@ -23,7 +23,7 @@ def chosen() -> list[Run]:
     runs = find_runs(DATA) if DATA.is_dir() else []
     if FULL:
         return runs
-    # The last of each: among them a host whose clock is slewed and an aperture in which nothing adds up coherently.
+    # The last of each: of wsr_3d it is the one in which least adds up coherently.
     return list({run.set_name: run for run in runs}.values())
 
 
