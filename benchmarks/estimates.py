@@ -14,7 +14,7 @@ import msgspec
 
 from benchmarks.scenes import WAVELENGTH_M, helix
 from benchmarks.timing import best_s
-from companion.aoa_wire import LENGTH, AoaResult, frame, request_of
+from companion.sensing.worker_wire import LENGTH, AoaResult, frame, request_of
 from wsr.estimators import ESTIMATORS
 from wsr.profile import bartlett_profile
 
@@ -52,7 +52,7 @@ def estimate_times() -> EstimateTimes:
 
 def worker_memory_mb(iterations: int, every: int) -> Iterator[tuple[int, float]]:
     """Resident memory [MB] of a real worker process, each time `every` more requests have been answered."""
-    command = [sys.executable, "-m", "companion.aoa_worker", "robust"]
+    command = [sys.executable, "-m", "companion.sensing.worker", "robust"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     aperture = helix(400)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment) as worker:

@@ -17,13 +17,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.timing import best_s
-from companion import wire
-from companion.broadcast import Link, NeighbourSender
-from companion.clock import NS_PER_S, ManualClock, MonotonicClock
-from companion.config import Config, CsiConfig, NeighbourConfig
-from companion.neighbours import NeighbourReceiver
-from companion.radio import Radio
-from companion.window import SarWindow
+from companion.config.schema import Config, CsiConfig, NeighbourConfig
+from companion.core.clock import NS_PER_S, ManualClock, MonotonicClock
+from companion.neighbours import wire
+from companion.neighbours.link import Link
+from companion.neighbours.receiver import NeighbourReceiver
+from companion.neighbours.sender import NeighbourSender
+from companion.radio.card import Radio
+from companion.sensing.window import SarWindow
 from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available

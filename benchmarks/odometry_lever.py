@@ -17,10 +17,10 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.analysis_result import DEFAULT_LEVERS_M
+from companion.analysis.result import DEFAULT_LEVERS_M
+from companion.analysis.runs import Run, find_runs
+from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
 from companion.errors import CompanionError
-from companion.recordings import Run, find_runs
-from companion.trajectories import PoseKind, Trajectory, read_trajectory
 from wsr.displacement import interpolate
 from wsr.geometry import yaw_of
 

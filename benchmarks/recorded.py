@@ -14,10 +14,10 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis_result import Options
-from companion.evaluation import LinkRow, evaluate_run_with
-from companion.recordings import Run, find_runs
-from companion.trajectories import PoseKind
+from companion.analysis.evaluation import LinkRow, evaluate_run_with
+from companion.analysis.result import Options
+from companion.analysis.runs import Run, find_runs
+from companion.analysis.trajectories import PoseKind
 from wsr.aoa import Estimator
 
 POSES = (PoseKind.MOCAP, PoseKind.T265)
@@ -62,7 +62,7 @@ class Trials:
 
 def trials(directories: Sequence[Path], estimators: Sequence[Estimator], jobs: int, as_sent: bool = True) -> Trials:
     """Every estimator on every link below `directories`; each run is read once for each source of poses. `as_sent` as
-    in `companion.analysis_result.Options`."""
+    in `companion.analysis.result.Options`."""
     runs = [run for directory in directories for run in find_runs(directory)]
     tasks = [(run, kind) for run in runs for kind in POSES if kind in run.trajectories]
     links: list[Link] = []

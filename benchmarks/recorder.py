@@ -12,17 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.clock import MonotonicClock
-from companion.config_file import load_config
-from companion.event_clock import EventClock
-from companion.events import Tick
-from companion.log_reader import open_session
-from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes
-from companion.recorder import McapRecorder, Recorder
+from companion.config.file import load_config
+from companion.core.clock import MonotonicClock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Tick
+from companion.core.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes
+from companion.core.recorder import Recorder
+from companion.core.streams import APERTURE, CSI, NEIGHBOUR, POSE, POSE_IN, PROFILE, SETPOINT, TICK, VEHICLE, Stream
+from companion.log.reader import open_session
+from companion.log.recorder import McapRecorder
 from companion.replay.player import Player
 from companion.replay.result import replay_log
-from companion.sar import ApertureRecord
-from companion.streams import APERTURE, CSI, NEIGHBOUR, POSE, POSE_IN, PROFILE, SETPOINT, TICK, VEHICLE, Stream
+from companion.sensing.records import ApertureRecord
 
 _ROOT = Path(__file__).resolve().parents[1]
 _STEP_S = 0.005

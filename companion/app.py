@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import logging
 import signal
-import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from companion.aoa_process import AoaProcess
-from companion.aoa_wire import AoaResult
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
-from companion.autopilot.observed import ObservedAutopilot
-from companion.autopilot.port import Autopilot
-from companion.beacon import Beacon
-from companion.clock import MonotonicClock
-from companion.config import Config
-from companion.control import ControlServer
+from companion.config.schema import Config
+from companion.core.clock import MonotonicClock
+from companion.core.event_clock import EventClock
+from companion.core.messages import Pose
+from companion.core.recorder import Recorder
 from companion.errors import CompanionError
-from companion.event_clock import EventClock
-from companion.events import Answer, WorkerState
-from companion.flight import Flight
-from companion.flight_commands import FlightCommands, MakeCommands
-from companion.inputs import Inputs, LiveInputs
-from companion.log.foxglove import LogLine
-from companion.messages import Pose
-from companion.node import Node
-from companion.notify import notify
-from companion.pose.forward import VioForwarder
-from companion.radio import ChannelSample
-from companion.recorder import McapRecorder, Recorder
-from companion.sar import ApertureRecord, Iteration, SarIterations, Worker
-from companion.streams import ANSWER, LOG, WORKER
-from companion.surroundings import Surroundings
-from companion.window import SarWindow
-from wsr.channel import wavelength_m
+from companion.host.control_socket import ControlServer
+from companion.host.notify import notify
+from companion.log.lines import record_lines
+from companion.log.recorder import McapRecorder
+from companion.radio.card import ChannelSample
+from companion.roles.beacon import Beacon
+from companion.roles.inputs import LiveInputs
+from companion.roles.node import Node
+from companion.roles.uav import Uav
+from companion.sensing.iterations import Worker
+from companion.sensing.worker_process import AoaProcess
+from companion.sensing.worker_wire import AoaResult
 
 _log = logging.getLogger(__name__)
 _WATCHDOG_S = 1.0
@@ -52,7 +42,7 @@ async def serve(config: Config) -> None:
     clock = EventClock(MonotonicClock())
     recorder = McapRecorder(config.path(config.recorder.path), config, clock)
     service = _serve_uav if config.role == "uav" else _serve_beacon
-    lines = _record_lines(recorder)
+    lines = record_lines(recorder)
     try:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(_until_signal(), name="signals")
@@ -65,74 +55,6 @@ async def serve(config: Config) -> None:
         notify("STOPPING=1")
         logging.getLogger().removeHandler(lines)
         await asyncio.to_thread(recorder.close)
-
-
-class Uav:
-    """The parts of role uav, wired. What they stand on is given: live, or a log."""
-
-    def __init__(
-        self,
-        config: Config,
-        clock: EventClock,
-        recorder: Recorder,
-        inputs: Inputs,
-        make_autopilot: Callable[[Node], Autopilot],
-        make_worker: Callable[[Callable[[AoaResult], None], Callable[[bool], None]], Worker],
-        make_commands: MakeCommands = FlightCommands,
-        look: Callable[[], Surroundings] | None = None,
-    ) -> None:
-        assert config.autopilot is not None
-        aperture = config.aperture
-        self._clock = clock
-        self._recorder = recorder
-        self._refuses_lookalikes = config.neighbours.refuse_lookalikes
-        self._window = SarWindow(
-            config.pose.antenna_m, wavelength_m(config.csi.channel), aperture.min_packets, aperture.max_pose_gap_s
-        )
-        self.node = node = Node(config, clock, recorder, self._take_sample, self._take_pose, inputs)
-        self._window.nic_clock = node.radio.nic_clock
-        self.autopilot = ObservedAutopilot(make_autopilot(node), clock, recorder)
-        self._forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
-        self.sar = SarIterations(
-            self._window,
-            make_worker(self.take_answer, self.take_worker_state),
-            node.receiver.neighbours,
-            aperture,
-            clock,
-            self._take_iteration,
-            node.intake.problem_between,
-            self._take_aperture,
-        )
-        self.flight = Flight(config, clock, node, self.autopilot, self.sar, recorder, make_commands, look)
-
-    def take_answer(self, result: AoaResult) -> None:
-        """The worker has answered."""
-        with self._clock.event() as now_ns:
-            failure = result.refusal if result.failed else ""
-            self._recorder.record(ANSWER, now_ns, Answer(now_ns, result.id, result.peer, result.compute_s, failure))
-            self.sar.take(result)
-
-    def take_worker_state(self, is_ready: bool) -> None:
-        """A worker has begun or ceased to wait for apertures."""
-        with self._clock.event() as now_ns:
-            self._recorder.record(WORKER, now_ns, WorkerState(now_ns, is_ready))
-
-    def _take_sample(self, sample: ChannelSample) -> None:
-        self._window.add_sample(sample)
-        self.flight.heard(sample.peer, sample.t_mono_ns)
-
-    def _take_pose(self, pose: Pose) -> None:
-        self._window.add_pose(pose)
-        self._forwarder.take(pose)
-
-    def _take_aperture(self, aperture: ApertureRecord) -> None:
-        self.flight.take_aperture(aperture)
-
-    def _take_iteration(self, iteration: Iteration, profile: bytes) -> None:
-        doubt = self.node.lookalikes.add(iteration.peer, iteration.start_ns, profile)
-        if doubt and self._refuses_lookalikes:
-            iteration = dataclasses.replace(iteration, estimate=None, refusal=doubt)
-        self.flight.take(iteration, profile)
 
 
 async def _serve_beacon(config: Config, clock: EventClock, recorder: Recorder) -> None:
@@ -200,24 +122,6 @@ async def _serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> N
             notify("READY=1")
     finally:
         await autopilot.aclose()
-
-
-class _RecordingHandler(logging.Handler):
-    """The program's own log into the flight's."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        super().__init__(logging.INFO)
-        self._recorder = recorder
-
-    def emit(self, record: logging.LogRecord) -> None:
-        line = LogLine(record.levelno, record.name, record.getMessage())
-        self._recorder.record(LOG, time.monotonic_ns(), line)
-
-
-def _record_lines(recorder: Recorder) -> logging.Handler:
-    handler = _RecordingHandler(recorder)
-    logging.getLogger().addHandler(handler)
-    return handler
 
 
 async def _until_signal() -> None:

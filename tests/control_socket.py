@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
-from companion.control import ControlServer, Handler, ask
 from companion.errors import CompanionError
+from companion.host.control_socket import ControlServer, Handler, ask
 
 
 @asynccontextmanager

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from csi_bridge.records import CsiRecord
+from tests.paths import DATA
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 MAC = bytes.fromhex("00216a3f175a")
 
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no real captures at {DATA}")

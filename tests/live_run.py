@@ -17,20 +17,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.analysis import analyze_run
-from companion.analysis_result import Options
-from companion.beacon import Beacon
-from companion.clock import NS_PER_S
-from companion.config import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
-from companion.event_clock import EventClock
-from companion.keys import write_key
-from companion.node import Node
+from companion.analysis.bearings import analyze_run
+from companion.analysis.result import Options
+from companion.analysis.runs import Run, read_truth
+from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.config.schema import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
+from companion.core.clock import NS_PER_S
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.log.recorder import McapRecorder
+from companion.neighbours.keys import write_key
 from companion.pose import wire as pose_wire
-from companion.radio import ChannelSample
-from companion.recorder import McapRecorder, Recorder
-from companion.recordings import Run, read_truth
-from companion.trajectories import PoseKind, Trajectory, read_trajectory
-from companion.window import ApertureReport, SarWindow
+from companion.radio.card import ChannelSample
+from companion.roles.beacon import Beacon
+from companion.roles.node import Node
+from companion.sensing.window import ApertureReport, SarWindow
 from csi_bridge.netlink import NetlinkFeeder, connector_available
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord

@@ -21,8 +21,8 @@ from companion.autopilot.odometry import odometry_fields
 from companion.autopilot.port import AutopilotError, GaveWayError
 from companion.autopilot.reconnect import Backoff
 from companion.autopilot.telemetry import Telemetry, parameter_field
-from companion.clock import NS_PER_S, Clock
-from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
 from wsr.frames import ned_from_enu, yaw_ned_from_enu
 
 _LOG = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from companion.messages import Pose, Quaternion, Vector3
+from companion.core.messages import Pose, Quaternion, Vector3
 from wsr.frames import enu_from_ned, ned_from_enu
 from wsr.geometry import quaternion_conjugate, quaternion_multiply, rotate
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from companion.core.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 from companion.errors import CompanionError
-from companion.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 
 
 class AutopilotError(CompanionError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from companion.messages import FlightMode
+from companion.core.messages import FlightMode
 
 OFFBOARD: Final = (6, 0)
 HOLD: Final = (4, 3)

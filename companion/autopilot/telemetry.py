@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
-from companion.messages import AutopilotEvent, Pose, Vector3, VehicleState
+from companion.core.messages import AutopilotEvent, Pose, Vector3, VehicleState
 from wsr.frames import enu_from_ned, yaw_enu_from_ned
 
 Fields = dict[str, Any]

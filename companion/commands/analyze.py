@@ -12,14 +12,14 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis import analyze_run
-from companion.analysis_report import as_json, note_lines, problem_lines, run_table, summarise, summary_table
-from companion.analysis_result import LinkResult, Options, RunResult
+from companion.analysis.bearings import analyze_run
+from companion.analysis.result import LinkResult, Options, RunResult
+from companion.analysis.runs import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
+from companion.analysis.tables import as_json, note_lines, problem_lines, run_table, summarise, summary_table
+from companion.analysis.trajectories import PoseKind
+from companion.commands.output_files import check_writable, writing
+from companion.core.messages import Vector3
 from companion.errors import CompanionError
-from companion.messages import Vector3
-from companion.output_files import check_writable, writing
-from companion.recordings import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
-from companion.trajectories import PoseKind
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 150
@@ -181,7 +181,7 @@ def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
 
 def draw(result: RunResult, out: Path) -> None:
     # Imported late: it takes half a second, and --no-pictures does without.
-    from companion.plots import draw_profile
+    from companion.pictures.profile import draw_profile
 
     for link in result.links:
         if link.estimate is None or link.profile is None:

@@ -11,10 +11,10 @@ from typing import Any
 
 import click
 
-from companion.config_file import load_config
-from companion.control import ask
+from companion.config.file import load_config
+from companion.core.messages import Pose
 from companion.errors import CompanionError
-from companion.messages import Pose
+from companion.host.control_socket import ask
 from companion.pose.hand_moves import MOVES, HandMove, MoveResult, judge
 from wsr.geometry import wrap_angle, yaw_of
 

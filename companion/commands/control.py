@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from companion.control import ask
 from companion.errors import CompanionError
+from companion.host.control_socket import ask
 
 _socket_option = click.option(
     "--socket",

@@ -69,8 +69,8 @@ def _check_writable(out: Path, json_path: Path | None) -> None:
 
 
 def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
-    from companion.flight_plot import Arrow, draw_flight
-    from companion.plots import draw_profile
+    from companion.pictures.flight import Arrow, draw_flight
+    from companion.pictures.profile import draw_profile
 
     result, profile, last = summarise(run, out / "log.mcap")
     console.print(rows_table(result.rows))

@@ -13,10 +13,10 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.config import Config
-from companion.config_file import load_config
+from companion.config.file import load_config
+from companion.config.schema import Config
 from companion.errors import CompanionError
-from companion.radio_checks import Check, System, failed, live_checks, static_checks
+from companion.radio.checks import Check, System, failed, live_checks, static_checks
 
 _WORDS = {True: "OK", False: "FAILED", None: "?"}
 

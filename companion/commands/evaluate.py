@@ -14,15 +14,14 @@ import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis_report import lever_line
-from companion.analysis_result import DEFAULT_LEVERS_M, NO_LEVER, Options
+from companion.analysis.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
+from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
+from companion.analysis.runs import Run, find_runs
+from companion.analysis.tables import figures_table, lever_line
+from companion.analysis.trajectories import PoseKind
+from companion.commands.output_files import check_writable, writing
+from companion.core.messages import Vector3
 from companion.errors import CompanionError
-from companion.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
-from companion.evaluation_report import figures_table
-from companion.messages import Vector3
-from companion.output_files import check_writable, writing
-from companion.recordings import Run, find_runs
-from companion.trajectories import PoseKind
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 120
@@ -148,7 +147,7 @@ def _trust_line(trust: Trust) -> str:
 
 
 def _draw(result: Evaluation, out: Path, console: Console) -> None:
-    from companion.evaluation_plots import draw_error_cdfs, draw_risk_coverage
+    from companion.pictures.evaluation import draw_error_cdfs, draw_risk_coverage
 
     out.mkdir(parents=True, exist_ok=True)
     name = f"{result.estimator}_{result.poses}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from companion.keys import write_key
+from companion.neighbours.keys import write_key
 
 
 @click.command()

@@ -12,10 +12,10 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from companion.commands.progress import tracked_bytes
+from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
-from companion.messages import Vector3
-from companion.progress import tracked_bytes
 
 _file = click.Path(path_type=Path)
 _WIDTH = 120
@@ -62,9 +62,9 @@ def repair(path: Path, out: Path | None) -> None:
 @click.option("--out", type=_file, default=Path("export"), show_default=True, help="Folder for the files.")
 def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
     """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
+    from companion.analysis.imported import export as write
     from companion.log.export import FORMATS
-    from companion.log.export import export as write
-    from companion.log_reader import open_session
+    from companion.log.reader import open_session
 
     session = open_session(path)
     try:
@@ -117,9 +117,9 @@ def import_(
     out: Path,
 ) -> None:
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
-    from companion.analysis_result import Options
+    from companion.analysis.imported import import_run
+    from companion.analysis.result import Options
     from companion.commands.analyze import chosen_runs, macs_by_name
-    from companion.log.recording import import_run
 
     if lever is not None and not all(map(math.isfinite, lever)):
         raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")

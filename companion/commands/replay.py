@@ -12,17 +12,17 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from companion.config import Config
-from companion.config_file import load_config
+from companion.commands.output_files import writing
+from companion.commands.progress import tracked_bytes, working
+from companion.config.file import load_config
+from companion.config.schema import Config
 from companion.errors import CompanionError, ConfigError
-from companion.log_reader import Session, open_session
-from companion.output_files import writing
-from companion.progress import tracked_bytes, working
+from companion.log.reader import Session, open_session
+from companion.log.truths import true_azimuths
 from companion.replay.check import StreamCheck, check
 from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
 from companion.replay.player import Player
 from companion.replay.result import ReplayResult, replay_log, write_log
-from companion.replay.truths import true_azimuths
 
 _file = click.Path(path_type=Path)
 _WIDTH = 150
@@ -130,7 +130,7 @@ def _conclude(
             out.mkdir(parents=True, exist_ok=True)
             write_log(out / "replay.mcap", session, config, result)
         if rows:
-            from companion.replay.plot import draw_comparison
+            from companion.pictures.comparison import draw_comparison
 
             with writing(out / "comparison.png"):
                 draw_comparison(out / "comparison.png", rows, session.paths[0].name, str(other))
@@ -192,8 +192,8 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
 
 def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
     """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
-    from companion.analysis_report import as_json, note_lines, problem_lines, run_table
-    from companion.log.recording import analyze_session
+    from companion.analysis.imported import analyze_session
+    from companion.analysis.tables import as_json, note_lines, problem_lines, run_table
 
     with working("estimating"):
         result = analyze_session(session)

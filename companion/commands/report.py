@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
+from companion.analysis.trajectories import PoseKind
+from companion.commands.progress import tracked_bytes, working
 from companion.errors import CompanionError
-from companion.log_reader import Session, open_session
-from companion.progress import tracked_bytes, working
-from companion.trajectories import PoseKind
+from companion.log.reader import Session, open_session
 
 _file = click.Path(path_type=Path)
 
@@ -52,8 +52,8 @@ def _flight(session: Session) -> tuple[str, dict[str, Any]]:
 
 
 def _recording(session: Session, kind: PoseKind | None) -> tuple[str, dict[str, Any]]:
-    from companion.analysis_report import as_json
-    from companion.log.recording import analyze_session, path_of_recording, scene_of
+    from companion.analysis.imported import analyze_session, path_of_recording, scene_of
+    from companion.analysis.tables import as_json
     from companion.report.page import recording_page
     from companion.report.pictures import path_of
 

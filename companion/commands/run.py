@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from companion.config_file import load_config
+from companion.config.file import load_config
 
 
 @click.command()

@@ -14,8 +14,8 @@ import click
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
+from companion.commands.output_files import check_writable, writing
 from companion.errors import CompanionError
-from companion.output_files import check_writable, writing
 from companion.study.catalogue import MODULES
 from companion.study.catalogue import study as load_study
 from companion.study.local import ProcessRunner

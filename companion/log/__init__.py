@@ -1,2 +1,4 @@
-"""Field logs: what they hold (`encoding`, `foxglove`), how files are written and read (`writer`, `files`), and what is
-done with them afterwards (`info`, `repair`, `export`, `merge`, `importing`). The format is described in docs/log.md."""
+"""Flight logs (MCAP): written while flying, read, mended, joined and exported afterwards.
+
+Messages come in by the Recorder protocol of `core`; files go out, on a thread of their own. Nothing here decides.
+"""

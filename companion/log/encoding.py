@@ -12,11 +12,11 @@ import numpy as np
 from google.protobuf.message import Message as ProtobufMessage
 from mcap_protobuf.schema import build_file_descriptor_set
 
+from companion.core.messages import Pose, VehicleState
+from companion.core.streams import APERTURE_PATH, LOG, POSE, PROFILE, SCENE, TRANSFORMS, Stream
+from companion.guidance.tracker import TargetReport
 from companion.log import foxglove
-from companion.messages import Pose, VehicleState
-from companion.sar import ApertureRecord, Iteration
-from companion.streams import APERTURE_PATH, LOG, POSE, PROFILE, SCENE, TRANSFORMS, Stream
-from companion.tracker import TargetReport
+from companion.sensing.records import ApertureRecord, Iteration
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD
 
 _MAKERS: Final[dict[str, Callable[[int, Any], ProtobufMessage]]] = {

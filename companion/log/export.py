@@ -6,7 +6,7 @@ Of a merged log each robot's streams have files of their own, with its name befo
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,41 +14,31 @@ import msgspec
 import numpy as np
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
+from companion.core.messages import Pose, pose_of
+from companion.core.streams import APERTURE, CSI, POSE, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
 from companion.log.foxglove import power_of, time_ns
-from companion.log.recording import RECORDING, export_files
-from companion.log_reader import LoggedMessage, Progress, Session
-from companion.messages import Pose, pose_of
-from companion.sar import ApertureRecord
-from companion.streams import APERTURE, CSI, POSE, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
+from companion.log.reader import LoggedMessage, Progress, Session
+from companion.sensing.records import ApertureRecord
 from csi_bridge.encoder import encode_file_record
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
 _TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, reverse=True))
 _TRAJECTORY: Final = POSE.topic + "/"
-_FILES: Final = {".dat": "dat", ".csv": "csv", ".json": "csv"}
-"""What of a recording's own files belongs to which format."""
 
 
-def export(session: Session, formats: tuple[str, ...], folder: Path, progress: Progress | None = None) -> list[Path]:
-    """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it; a
-    recording gives its own files as .dat and CSV.
+def export(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None = None) -> list[Path]:
+    """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it.
 
     Raises OSError, and CompanionError for an unreadable log.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    if session.metadata.get("role") == RECORDING:
-        wanted = tuple(suffix for suffix, name in _FILES.items() if name in formats)
-        if wanted:
-            written = export_files(session, folder, wanted)
-        formats = tuple(name for name in formats if name not in _FILES.values())
     exporters = [_EXPORTERS[name](folder) for name in formats]
     if exporters:
         for message in session.messages(progress=progress):
             robot, topic = _of_robot(message.topic)
             for exporter in exporters:
                 exporter.take(robot, topic, message)
-    return written + [path for exporter in exporters for path in exporter.finish()]
+    return [path for exporter in exporters for path in exporter.finish()]
 
 
 class _Tum:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -32,8 +31,9 @@ from foxglove_schemas_protobuf.Vector2_pb2 import Vector2
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3 as FoxgloveVector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from companion.clock import NS_PER_S
-from companion.messages import Pose, Quaternion, Vector3, VehicleState
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Pose, Quaternion, Vector3, VehicleState
+from companion.log.lines import LogLine
 from wsr.aoa import AoaEstimate
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD
 
@@ -48,16 +48,6 @@ _STEPS: Final = 255
 _IDENTITY: Final = (1.0, 0.0, 0.0, 0.0)
 _GREEN: Final = Color(r=0.1, g=0.6, b=0.1, a=1.0)
 _RED: Final = Color(r=0.9, g=0.1, b=0.1, a=0.6)
-
-
-@dataclass(frozen=True, slots=True)
-class LogLine:
-    """One line of the program's own log."""
-
-    level: int
-    """As in `logging`."""
-    name: str
-    text: str
 
 
 def pose_in_frame(t_ns: int, pose: Pose) -> PoseInFrame:

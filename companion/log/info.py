@@ -8,9 +8,9 @@ from pathlib import Path
 
 import msgspec
 
+from companion.core.streams import HEALTH
+from companion.log.reader import LogScan, Progress
 from companion.log.writer import METADATA
-from companion.log_reader import LogScan, Progress
-from companion.streams import HEALTH
 
 
 @dataclass(slots=True)

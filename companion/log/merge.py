@@ -15,12 +15,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from companion.core.streams import CSI, VEHICLE
 from companion.errors import CompanionError
+from companion.log.reader import LoggedMessage, Progress, Session, open_session
 from companion.log.repair import copy
 from companion.log.ulog import PREFIX, Ulog, clock_offset_s
 from companion.log.writer import LogWriter
-from companion.log_reader import LoggedMessage, Progress, Session, open_session
-from companion.streams import CSI, VEHICLE
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiError, CsiRecord
 

@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from companion.core.streams import Stream
 from companion.errors import CompanionError
 from companion.log.writer import Compression, LogWriter
-from companion.streams import Stream
 
 
 class LogPart:

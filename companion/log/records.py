@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from companion.core.messages import Vector3
 from companion.log.truth import Truth
-from companion.messages import Vector3
 from wsr.geometry import angles
 
 

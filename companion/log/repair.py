@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.errors import CompanionError
+from companion.log.reader import LoggedMessage, LogScan, Progress, metadata_of
 from companion.log.writer import METADATA, LogWriter
-from companion.log_reader import LoggedMessage, LogScan, Progress, metadata_of
 
 
 @dataclass(frozen=True, slots=True)

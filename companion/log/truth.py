@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from companion.core.messages import Vector3
+from companion.core.streams import TRUTH
 from companion.errors import CompanionError
 from companion.log.writer import LogWriter
-from companion.messages import Vector3
-from companion.streams import TRUTH
 
 TRUTH_NAME: Final = "truth.mcap"
 """Found beside a log by `companion report`."""

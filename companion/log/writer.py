@@ -10,9 +10,9 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
+from companion.core.messages import Pose
+from companion.core.streams import Stream
 from companion.log.encoding import encoded, schema_of, views
-from companion.messages import Pose
-from companion.streams import Stream
 
 Compression = Literal["zstd", "lz4", "none"]
 METADATA: Final = "companion"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from companion.messages import Pose
+from companion.core.messages import Pose
 from companion.pose.port import PoseSink
 from wsr import frames
 

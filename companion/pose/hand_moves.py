@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.messages import Pose, Vector3
+from companion.core.messages import Pose, Vector3
 from wsr.geometry import rotate, rotation_z, wrap_angle, yaw_of
 
 _DIRECTION_RAD: Final = math.radians(25.0)

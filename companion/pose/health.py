@@ -12,8 +12,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from companion.clock import NS_PER_S
-from companion.messages import Pose
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Pose
 
 _KEPT: Final = 256
 _RATE_WINDOW_NS: Final = NS_PER_S

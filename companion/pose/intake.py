@@ -7,9 +7,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from companion.clock import Clock
-from companion.config import PoseConfig
-from companion.messages import Pose
+from companion.config.schema import PoseConfig
+from companion.core.clock import Clock
+from companion.core.messages import Pose
 from companion.pose.health import HealthLimits, PoseHealth
 from companion.pose.north import North, NorthFinder
 from companion.pose.port import Poses

@@ -23,10 +23,10 @@ from natnet.packet_buffer import PacketBuffer
 from natnet.server_info import ServerInfo
 from natnet.version import Version
 
-from companion.clock import NS_PER_S, Clock
-from companion.config import NatNetConfig
+from companion.config.schema import NatNetConfig
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
-from companion.messages import Pose, Vector3
 from companion.pose.autopilot import turned
 from companion.pose.port import PoseSink
 from wsr.geometry import quaternion_conjugate, quaternion_multiply

@@ -8,8 +8,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from companion.clock import NS_PER_S
-from companion.messages import Pose, Vector3
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Pose, Vector3
 from wsr.geometry import wrap_angle, yaw_of
 
 _PERIOD_S: Final = 3.0

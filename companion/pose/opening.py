@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from companion.clock import Clock
-from companion.config import Config
+from companion.config.schema import Config
+from companion.core.clock import Clock
 from companion.errors import CompanionError
 from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink

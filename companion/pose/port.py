@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from companion.messages import Pose
+from companion.core.messages import Pose
 
 PoseSink = Callable[[Pose], None]
 """Gets every pose in the order it came, on the event loop: ENU, North-aligned, stamped on the host's monotonic clock.

@@ -9,9 +9,9 @@ import math
 import shutil
 from collections.abc import Callable, Sequence
 
-from companion.child import tied
-from companion.clock import NS_PER_S, Clock
+from companion.core.clock import NS_PER_S, Clock
 from companion.errors import CompanionError
+from companion.host.child import tied
 
 _log = logging.getLogger(__name__)
 _FIRST_WAIT_S = 0.5

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.clock import NS_PER_S, Clock
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.messages import Pose, Quaternion, Vector3
 from companion.errors import CompanionError
-from companion.messages import Pose, Quaternion, Vector3
 from companion.pose.autopilot import turned
 from companion.pose.port import PoseSink
 

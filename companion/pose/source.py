@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.messages import Pose
+from companion.core.messages import Pose
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.pose.port import PoseSink
-from companion.unix_datagram import bind_datagram_socket
 from wsr import frames
 
 

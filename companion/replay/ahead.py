@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Final
 
-from companion.log_reader import LoggedMessage
+from companion.log.reader import LoggedMessage
 
 _MOST: Final = 32768
 _AT_ONCE: Final = 64

@@ -15,10 +15,10 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from companion.log_reader import LoggedMessage
+from companion.core.streams import APERTURE, STREAMS, Part, Stream
+from companion.log.reader import LoggedMessage
 from companion.replay.player import Decided
-from companion.sar import ApertureRecord
-from companion.streams import APERTURE, STREAMS, Part, Stream
+from companion.sensing.records import ApertureRecord
 
 TOLERANCES: Final[Mapping[str, float]] = {
     "_rad": 1e-3, "_m": 2e-2, "_m_s": 1e-3, "_turns": 1e-2, "_ns": 0.0, "_s": 1e-9,

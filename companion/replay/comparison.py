@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import msgspec
 
+from companion.core.streams import BEARING, MISSION
+from companion.log.reader import LoggedMessage
 from companion.log.records import LoggedIteration
-from companion.log_reader import LoggedMessage
 from companion.replay.player import Decided
-from companion.streams import BEARING, MISSION
 from wsr.geometry import direction as unit_vector
 from wsr.geometry import great_circle, wrap_angle
 

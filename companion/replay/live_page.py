@@ -15,13 +15,13 @@ from typing import Any, Final
 
 from aiohttp import web
 
-from companion.clock import NS_PER_S
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Setpoint
 from companion.errors import CompanionError
-from companion.log_reader import Session
-from companion.messages import Setpoint
+from companion.log.reader import Session
 from companion.replay.player import InputEvent, Player
 from companion.replay.result import Replay, ReplayResult
-from companion.sar import Iteration
+from companion.sensing.records import Iteration
 
 _HOST: Final = "127.0.0.1"
 _BATCH_S: Final = 0.02

@@ -10,28 +10,13 @@ from typing import Any, Final
 
 import msgspec
 
-from companion.aoa_wire import AoaResult
-from companion.app import Uav
 from companion.autopilot.port import Autopilot
-from companion.clock import Clock
-from companion.config import Config
-from companion.errors import CompanionError
-from companion.event_clock import EventClock
-from companion.events import Answer, BookState, CommandOutcome, Tick, Wish, WorkerState
-from companion.flight_commands import FlightCommands, Report
-from companion.log.encoding import encoded
-from companion.log_reader import LoggedMessage, Session
-from companion.messages import VehicleState, pose_of
-from companion.replay.ahead import ReadAhead
-from companion.replay.recorded import (
-    REPLAY_KEY,
-    RecordedAutopilot,
-    RecordedCommands,
-    RecordedInputs,
-    RecordedWorker,
-    ReplayClock,
-)
-from companion.streams import (
+from companion.config.schema import Config
+from companion.core.clock import Clock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Answer, BookState, CommandOutcome, Surroundings, Tick, Wish, WorkerState
+from companion.core.messages import VehicleState, pose_of
+from companion.core.streams import (
     ANSWER,
     APERTURE,
     BOOK,
@@ -51,8 +36,22 @@ from companion.streams import (
     Part,
     Stream,
 )
-from companion.surroundings import Surroundings
-from companion.wire_log import resigned
+from companion.errors import CompanionError
+from companion.flight.commands import FlightCommands, Report
+from companion.log.encoding import encoded
+from companion.log.reader import LoggedMessage, Session
+from companion.replay.ahead import ReadAhead
+from companion.replay.datagrams import resigned
+from companion.replay.recorded import (
+    REPLAY_KEY,
+    RecordedAutopilot,
+    RecordedCommands,
+    RecordedInputs,
+    RecordedWorker,
+    ReplayClock,
+)
+from companion.roles.uav import Uav
+from companion.sensing.worker_wire import AoaResult
 
 INPUT_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.INPUT)
 DECISION_TOPICS: Final = frozenset(stream.topic for stream in STREAMS if stream.part is Part.DECISION)

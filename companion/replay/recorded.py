@@ -15,19 +15,18 @@ from typing import Final
 
 import msgspec
 
-from companion.aoa_process import ONE_THREAD
-from companion.aoa_wire import LENGTH, READY_ID, AoaResult, frame, request_of
 from companion.autopilot.port import Autopilot, AutopilotError
-from companion.boots import Book, Reached
-from companion.child import tied
-from companion.clock import Clock
+from companion.core.clock import Clock
+from companion.core.inputs import Answer, CommandOutcome, Event, Reached
+from companion.core.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 from companion.errors import CompanionError
-from companion.events import Answer, CommandOutcome
-from companion.flight_commands import Command, FlightCommands, Report
-from companion.messages import AutopilotEvent, Pose, Setpoint, VehicleState
-from companion.mission import Event
+from companion.flight.commands import Command, FlightCommands, Report
+from companion.host.child import tied
+from companion.neighbours.boots import Book
 from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink
+from companion.sensing.worker_process import ONE_THREAD
+from companion.sensing.worker_wire import LENGTH, READY_ID, AoaResult, frame, request_of
 from csi_bridge.source import CsiSource, SourceCounters
 from wsr.aperture import Aperture
 
@@ -239,7 +238,7 @@ class RecordedWorker:
         self.meanwhile: Callable[[], bool] = lambda: False
         """What may be done while the worker computes, a little at a time; whether there is more of it."""
         self._process = subprocess.Popen(
-            tied(sys.executable, "-m", "companion.aoa_worker", estimator),
+            tied(sys.executable, "-m", "companion.sensing.worker", estimator),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | ONE_THREAD,

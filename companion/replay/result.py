@@ -13,14 +13,14 @@ from typing import Any
 
 import msgspec
 
-from companion.clock import NS_PER_S
-from companion.config import Config
+from companion.config.schema import Config
+from companion.core.clock import NS_PER_S
+from companion.core.streams import HEALTH
 from companion.errors import CompanionError
 from companion.log.encoding import schema_of
+from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.writer import LogWriter
-from companion.log_reader import LoggedMessage, Progress, Session
 from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, InputEvent, Player
-from companion.streams import HEALTH
 
 
 @dataclass(frozen=True, slots=True)

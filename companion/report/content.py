@@ -11,13 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from companion.config import Config
-from companion.flight_log import SERVICE_ENDS
-from companion.log.foxglove import power_of
-from companion.log.records import LoggedIteration, TruthTrack
-from companion.log_reader import LoggedMessage, Progress, Session
-from companion.replay.truths import truth_of
-from companion.streams import (
+from companion.config.schema import Config
+from companion.core.streams import (
     BEARING,
     COMMAND,
     CSI,
@@ -32,6 +27,11 @@ from companion.streams import (
     VEHICLE,
     WISH,
 )
+from companion.flight.records import SERVICE_ENDS
+from companion.log.foxglove import power_of
+from companion.log.reader import LoggedMessage, Progress, Session
+from companion.log.records import LoggedIteration, TruthTrack
+from companion.log.truths import truth_of
 
 Floats = npt.NDArray[np.float64]
 _WARNING: Final = Log.WARNING

@@ -12,10 +12,10 @@ from typing import Any
 import msgspec
 import yaml
 
-from companion.analysis_report import note_lines, problem_lines
-from companion.analysis_result import LinkResult, RunResult
-from companion.log.recording import Scene
-from companion.log_reader import Session
+from companion.analysis.imported import Scene
+from companion.analysis.result import LinkResult, RunResult
+from companion.analysis.tables import note_lines, problem_lines
+from companion.log.reader import Session
 from companion.report import pictures
 from companion.report.content import FlightContent
 

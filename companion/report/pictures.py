@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from companion.exchanges import PacketTimes
+from companion.analysis.exchanges import PacketTimes
+from companion.core.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from companion.report.content import FlightContent
-from companion.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from wsr.geometry import direction, great_circle
 
 _DPI: Final = 90

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from companion.clock import NS_PER_S, MonotonicClock
-from companion.control import ask
+from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.errors import CompanionError
+from companion.host.control_socket import ask
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.log.parts import parts_beside
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.sim import truth
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
-from companion.unix_datagram import bind_datagram_socket
 
 RENDEZVOUS_M: Final = 2.0
 _BEACON: Final = "beacon"

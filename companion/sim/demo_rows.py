@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from companion.clock import NS_PER_S
+from companion.core.clock import NS_PER_S
+from companion.core.streams import BEARING, PROFILE
 from companion.log.foxglove import power_of
-from companion.log_reader import read_log
+from companion.log.reader import read_log
 from companion.sim.demo import DemoRun
 from companion.sim.truth import WorldTruth
-from companion.streams import BEARING, PROFILE
 from wsr.geometry import angles, direction, great_circle
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 

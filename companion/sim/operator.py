@@ -10,8 +10,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any, Final
 
-from companion.control import ask
 from companion.errors import CompanionError
+from companion.host.control_socket import ask
 
 _AT_REST: Final = ("idle", "latched")
 _ANSWER_S: Final = 2.0

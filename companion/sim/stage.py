@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
 
-from companion.child import die_with_parent
-from companion.config import AutopilotConfig, Config
-from companion.config_file import load_config, save_config
+from companion.config.file import load_config, save_config
+from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
+from companion.host.child import die_with_parent
 from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
 from csi_bridge.netlink import connector_available
 
@@ -118,7 +118,7 @@ class Cast:
     async def _start_mock(self) -> None:
         stage = self._stage
         await self._start(
-            "px4", "companion.sim.px4", "--connect", f"127.0.0.1:{stage.mavlink_port}",
+            "px4", "companion.sim.px4.autopilot", "--connect", f"127.0.0.1:{stage.mavlink_port}",
             "--truth", stage.scenario.truth_in, "--seed", stage.scenario.seed, *self._px4_options,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.messages import Vector3
+from companion.core.messages import Vector3
 from companion.sim.scenario import Scenario
 
 Array = npt.NDArray[np.float64]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from companion.messages import Vector3
+from companion.core.messages import Vector3
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from companion.messages import Quaternion, Vector3
+from companion.core.messages import Quaternion, Vector3
 from companion.pose.wire import PoseFrame, RawPose
 from companion.sim.scenario import VioScenario
 

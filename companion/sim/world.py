@@ -20,11 +20,11 @@ from typing import Final, Protocol
 import msgspec
 
 from companion.errors import CompanionError
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.sim import truth
 from companion.sim.environment import Sample, World
 from companion.sim.scenario import CsiEndpoint, Scenario, load_scenario
-from companion.unix_datagram import bind_datagram_socket
 from csi_bridge.encoder import encode_body
 from csi_bridge.netlink import NetlinkError, NetlinkFeeder
 from csi_bridge.records import CSI_CODE

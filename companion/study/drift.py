@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
 
-from companion.study.errors import AoaError, aoa_error
+from companion.study.angles import AoaError, aoa_error
 from companion.study.figures import draw_lines
 from companion.study.paths import circle, climbing_helix, wander
 from companion.study.study import Finding, Settings, Study, Summary

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from companion.sim.scenario import RadioScenario
-from companion.study.errors import AoaError, aoa_error, share_below
+from companion.study.angles import AoaError, aoa_error, share_below
 from companion.study.figures import MARKERS, draw_cdf
 from companion.study.link import hear, room, scenario, standing, trajectory
 from companion.study.paths import Array, line, wander

@@ -18,7 +18,7 @@ from numpy.random import SeedSequence
 
 from companion.sim.scenario import RadioScenario
 from companion.sim.trajectory import Trajectory
-from companion.study.errors import AoaError, aoa_error, share_below
+from companion.study.angles import AoaError, aoa_error, share_below
 from companion.study.figures import STYLES, draw_cdf
 from companion.study.link import CLOCK_OFFSET_S, Heard, hear, room, scenario, standing, trajectory
 from companion.study.paths import Array, climbing_helix, line

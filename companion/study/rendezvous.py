@@ -16,9 +16,9 @@ import numpy as np
 from numpy.random import SeedSequence
 from scipy.stats import spearmanr
 
-from companion.mission import State
+from companion.mission.table import State
 from companion.sim.scenario import VioScenario
-from companion.study.errors import AoaError, aoa_error
+from companion.study.angles import AoaError, aoa_error
 from companion.study.figures import draw_cdf
 from companion.study.link import room, scenario
 from companion.study.study import Finding, Settings, Study, Summary

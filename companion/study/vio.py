@@ -17,15 +17,15 @@ import numpy.typing as npt
 from numpy.random import SeedSequence
 from scipy.stats import spearmanr
 
-from companion.analysis import analyze_run
-from companion.analysis_result import LinkResult, Options
+from companion.analysis.bearings import analyze_run
+from companion.analysis.exchanges import read_log
+from companion.analysis.result import LinkResult, Options
+from companion.analysis.runs import Run, find_runs
+from companion.analysis.trajectories import PoseKind, read_trajectory
 from companion.errors import CompanionError
-from companion.exchanges import read_log
-from companion.recordings import Run, find_runs
-from companion.study.errors import share_below
+from companion.study.angles import share_below
 from companion.study.figures import MARKERS, draw_cdf
 from companion.study.study import Finding, Settings, Study, Summary
-from companion.trajectories import PoseKind, read_trajectory
 from wsr.displacement import interpolate
 from wsr.geometry import angles, wrap_angle
 

@@ -11,7 +11,7 @@ _TURNS = 4
 
 
 class VirtualClock:
-    """A `companion.clock.Clock`. Tasks that share a deadline wake in the order in which they fell asleep."""
+    """A `companion.core.clock.Clock`. Tasks that share a deadline wake in the order in which they fell asleep."""
 
     def __init__(self) -> None:
         self._now_ns = 0

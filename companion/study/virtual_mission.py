@@ -19,24 +19,25 @@ import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
 
-from companion import wire
-from companion.aoa_process import AoaProcess
-from companion.beacon import Beacon
-from companion.broadcast import NeighbourSender
-from companion.clock import NS_PER_S
-from companion.config import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
-from companion.flight import Flight
-from companion.messages import Pose, Vector3
-from companion.mission import State
-from companion.neighbours import NeighbourReceiver
-from companion.node import Node
-from companion.recorder import Recorder
-from companion.sar import Iteration, SarIterations
+from companion.config.schema import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Pose, Vector3
+from companion.core.recorder import Recorder
+from companion.flight.loop import Flight
+from companion.mission.table import State
+from companion.neighbours import wire
+from companion.neighbours.receiver import NeighbourReceiver
+from companion.neighbours.sender import NeighbourSender
+from companion.pose.intake import PoseIntake
+from companion.roles.beacon import Beacon
+from companion.sensing.iterations import SarIterations
+from companion.sensing.records import Iteration
+from companion.sensing.window import SarWindow
+from companion.sensing.worker_process import AoaProcess
 from companion.sim.scenario import Scenario
 from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
 from companion.study.virtual_clock import VirtualClock
 from companion.study.virtual_parts import AIRFRAME_S, BEACON_ID, UAV_ID, CameraFeed, InlineWorker, RadioFeed, Vehicle
-from companion.window import SarWindow
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions
 
@@ -165,10 +166,13 @@ class _World:
             clock,
             self._on_iteration,
         )
-        intake = SimpleNamespace(problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda *_: None)
-        node = cast(Node, SimpleNamespace(receiver=receiver, pose_age_s=lambda: 0.0, intake=intake))
+        intake = SimpleNamespace(
+            age_s=lambda: 0.0, problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda *_: None
+        )
         recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False, counters=dict))
-        self.flight = Flight(settings, clock, node, self._vehicle, self._sar, recorder)
+        self.flight = Flight(
+            settings, clock, cast(PoseIntake, intake), receiver.neighbours, self._vehicle, self._sar, recorder
+        )
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0

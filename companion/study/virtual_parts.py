@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
-from companion.aoa_wire import AoaResult, request_of
-from companion.aoa_worker import compute
-from companion.clock import NS_PER_S
-from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
+from companion.core.clock import NS_PER_S
+from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
 from companion.pose.source import BodyFrame
-from companion.radio import ANTENNAS, ChannelSample
-from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand, Gusts
+from companion.radio.card import ANTENNAS, ChannelSample
+from companion.sensing.worker import compute
+from companion.sensing.worker_wire import AoaResult, request_of
+from companion.sim.px4.airframe import Airframe, AirframeLimits, Demand, Gusts
 from companion.sim.radio import DEFAULT_EPOCH_NS, RadioLink
 from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Trajectory
@@ -160,7 +160,7 @@ class RadioFeed:
 
 
 def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
-    """The same values as `companion.radio.Radio` gives, for all records at once."""
+    """The same values as `companion.radio.card.Radio` gives, for all records at once."""
     if not records:
         return []
     samples = []

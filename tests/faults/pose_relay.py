@@ -16,8 +16,8 @@ import socket
 from dataclasses import replace
 from pathlib import Path
 
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
-from companion.unix_datagram import bind_datagram_socket
 
 
 def _spoilt(pose: wire.RawPose, order: str, offset_m: float) -> wire.RawPose | None:

@@ -6,15 +6,16 @@ import sys
 import time
 from pathlib import Path
 
-from companion.clock import MonotonicClock
-from companion.config_file import load_config
-from companion.event_clock import EventClock
-from companion.events import Tick
-from companion.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes
-from companion.recorder import McapRecorder
-from companion.streams import CSI, NEIGHBOUR, POSE, POSE_IN, SETPOINT, TICK, VEHICLE
+from companion.config.file import load_config
+from companion.core.clock import MonotonicClock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Tick
+from companion.core.messages import FlightMode, Pose, Setpoint, VehicleState, pose_bytes
+from companion.core.streams import CSI, NEIGHBOUR, POSE, POSE_IN, SETPOINT, TICK, VEHICLE
+from companion.log.recorder import McapRecorder
+from tests.paths import CONFIGS
 
-_CONFIG = Path(__file__).resolve().parents[2] / "configs" / "uav.yaml"
+_CONFIG = CONFIGS / "uav.yaml"
 
 
 def main() -> None:

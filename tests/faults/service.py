@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from companion import app
-from companion.config import Config
-from companion.config_file import load_config
-from companion.unix_datagram import bind_datagram_socket
+from companion.config.file import load_config
+from companion.config.schema import Config
+from companion.host.unix_datagram import bind_datagram_socket
 
 _bombs: dict[str, asyncio.Event] = {}
 _create_task = asyncio.TaskGroup.create_task

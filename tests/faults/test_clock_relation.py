@@ -8,14 +8,15 @@ import random
 import numpy as np
 import pytest
 
-from companion import wire
-from companion.broadcast import NeighbourSender
-from companion.clock import NS_PER_S, ManualClock
-from companion.clock_relation import ClockRelation, card_times, match
-from companion.neighbours import NeighbourReceiver, Standing
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.neighbours import wire
+from companion.neighbours.clock_relation import ClockRelation, card_times, match
+from companion.neighbours.neighbour import Standing
+from companion.neighbours.receiver import NeighbourReceiver
+from companion.neighbours.sender import NeighbourSender
 from tests.faults.figures import record as note
-from tests.unit.test_window import Scene
-from tests.unit.test_wire import KEY, KEYS, boot
+from tests.unit.companion.neighbours.test_wire import KEY, KEYS, boot
+from tests.unit.companion.sensing.test_window import Scene
 
 OFFSET_NS = 56 * NS_PER_S + 370_000_000
 CSI = np.full(30, 20 + 5j, np.complex64)

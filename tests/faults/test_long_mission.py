@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.aoa_wire import AoaResult
-from companion.clock import NS_PER_S, ManualClock
-from companion.event_clock import EventClock
-from companion.flight import Flight
-from companion.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
-from companion.mission import State
-from companion.node import Node
-from companion.preflight import REQUIREMENTS
-from companion.radio import ANTENNAS, ChannelSample
-from companion.recorder import McapRecorder
-from companion.sar import SarIterations
-from companion.sim.px4_airframe import Airframe, AirframeLimits, Demand, Gusts
-from companion.sim.px4_commander import Commander, Mode
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.event_clock import EventClock
+from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
+from companion.flight.loop import Flight
+from companion.log.recorder import McapRecorder
+from companion.mission.table import State
+from companion.radio.card import ANTENNAS, ChannelSample
+from companion.roles.node import Node
+from companion.safety.preflight import REQUIREMENTS
+from companion.sensing.iterations import SarIterations
+from companion.sensing.window import SarWindow
+from companion.sensing.worker_wire import AoaResult
+from companion.sim.px4.airframe import Airframe, AirframeLimits, Demand, Gusts
+from companion.sim.px4.commander import Commander, Mode
 from companion.sim.stage import set_stage
-from companion.window import SarWindow
 from csi_bridge.records import SUBCARRIERS
 from tests.faults.campaigns import runs
 from tests.faults.figures import record
@@ -161,7 +161,9 @@ class _Service:
             window, self.worker, self.node.receiver.neighbours, aperture, self.clock,
             lambda iteration, profile: self.flight.take(iteration, profile), self.node.intake.problem_between,
         )  # fmt: skip
-        self.flight = Flight(uav, self.clock, self.node, self.autopilot, self.sar, self.recorder)
+        self.flight = Flight(
+            uav, self.clock, self.node.intake, self.node.receiver.neighbours, self.autopilot, self.sar, self.recorder
+        )
         self._window = window
         self._frame = 0
 

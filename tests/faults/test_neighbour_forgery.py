@@ -10,16 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from companion import wire
-from companion.boots import BootBook
-from companion.broadcast import Link, NeighbourSender
-from companion.clock import NS_PER_S, ManualClock
-from companion.config import Config, CsiConfig, NeighbourConfig
-from companion.neighbours import NeighbourReceiver, Standing
+from companion.config.schema import Config, CsiConfig, NeighbourConfig
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.neighbours import wire
+from companion.neighbours.boots import BootBook
+from companion.neighbours.link import Link
+from companion.neighbours.neighbour import Standing
+from companion.neighbours.receiver import NeighbourReceiver
+from companion.neighbours.sender import NeighbourSender
 from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
 from tests.mutation import mutant
-from tests.unit.test_wire import KEY, KEYS, boot, datagram
+from tests.unit.companion.neighbours.test_wire import KEY, KEYS, boot, datagram
 
 SEED = 20
 MUTANTS = runs(10_000, 1_000_000)

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.clock import NS_PER_S, ManualClock
-from companion.messages import Vector3
-from companion.mission import State
-from companion.radio import ChannelSample, Radio
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.messages import Vector3
+from companion.mission.table import State
+from companion.radio.card import ChannelSample, Radio
 from companion.sim.scenario import RadioScenario
 from companion.study.link import scenario
 from companion.study.virtual_clock import VirtualClock

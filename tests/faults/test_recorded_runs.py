@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from companion.broadcast import BYTES_PER_S
-from companion.recordings import Run, find_runs
-from companion.trajectories import PoseKind
-from tests.csi_records import DATA, needs_data
+from companion.analysis.runs import Run, find_runs
+from companion.analysis.trajectories import PoseKind
+from companion.neighbours.sender import BYTES_PER_S
+from tests.csi_records import needs_data
 from tests.faults.campaigns import FULL
 from tests.faults.figures import record as note
 from tests.live_run import run_live, transport
+from tests.paths import DATA
 
 APART_DEG = 0.1
 

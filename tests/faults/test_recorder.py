@@ -18,26 +18,27 @@ from typing import Any
 
 import pytest
 
-from companion.clock import MonotonicClock
-from companion.config_file import load_config, save_config
-from companion.control import ask
+from companion.config.file import load_config, save_config
+from companion.core.clock import MonotonicClock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Tick
+from companion.core.streams import CSI, POSE_IN, SETPOINT, TICK
 from companion.errors import CompanionError
-from companion.event_clock import EventClock
-from companion.events import Tick
+from companion.host.control_socket import ask
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.log.info import inspect
 from companion.log.parts import open_part, parts_beside
+from companion.log.reader import LogScan, open_session
+from companion.log.recorder import McapRecorder
 from companion.log.repair import repair
-from companion.log_reader import LogScan, open_session
-from companion.recorder import McapRecorder
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth, decode_world
-from companion.streams import CSI, POSE_IN, SETPOINT, TICK
-from companion.unix_datagram import bind_datagram_socket
 from tests.faults import figures
 from tests.faults.campaigns import runs
+from tests.paths import CONFIGS
 
-CONFIG = load_config(Path(__file__).resolve().parents[2] / "configs" / "uav.yaml")
+CONFIG = load_config(CONFIGS / "uav.yaml")
 KILLS = runs(4, 100)
 
 
@@ -114,7 +115,7 @@ def test_fault_26_a_slow_disk_costs_messages_that_are_counted_and_no_time(
 def test_fault_26_a_full_disk_is_counted_and_recording_goes_on_when_there_is_room(
     small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.recorder._RETRY_S", 0.3)
+    monkeypatch.setattr("companion.log.recorder._RETRY_S", 0.3)
     recorder = McapRecorder(small_disk / "log.mcap", CONFIG, EventClock(MonotonicClock()))
     sent = _record_for(recorder, 0.6)
     ballast = _fill(small_disk)

@@ -11,13 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from companion.core.streams import ANSWER, BOOK, WISH, WORKER
+from companion.log.reader import LoggedMessage, Session, metadata_of, open_session
 from companion.log.repair import copy
 from companion.log.writer import METADATA, LogWriter
-from companion.log_reader import LoggedMessage, Session, metadata_of, open_session
 from companion.replay.check import StreamCheck, check
 from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, Player
 from companion.replay.result import ReplayResult, replay_log, write_decided
-from companion.streams import ANSWER, BOOK, WISH, WORKER
 
 FOLDER: Final = Path(__file__).parent
 GOLDEN: Final = tuple(sorted(FOLDER.glob("*.mcap")))

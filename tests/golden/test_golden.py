@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.log_reader import open_session
+from companion.log.reader import open_session
 from companion.replay.check import check
 from companion.replay.player import Player
 from companion.replay.result import ReplayResult, replay_log, write_log

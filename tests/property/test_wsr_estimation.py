@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.wsr_scene import WAVELENGTH_M, weave
+from tests.unit.wsr.scene import WAVELENGTH_M, weave
 from wsr.aperture import make_aperture
 from wsr.channel import pair_by_counter, pair_by_time
 from wsr.crb import crb, fim

@@ -10,7 +10,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tests.unit.wsr_scene import WAVELENGTH_M, Array, CsiRows, exchange, weave
+from tests.unit.wsr.scene import WAVELENGTH_M, Array, CsiRows, exchange, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import make_aperture
 from wsr.errors import ApertureError

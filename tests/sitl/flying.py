@@ -15,17 +15,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from companion.config import AutopilotConfig
-from companion.config_file import save_config
-from companion.control import ask
+from companion.config.file import save_config
+from companion.config.schema import AutopilotConfig
 from companion.errors import CompanionError
-from companion.sim import px4_report, truth
+from companion.host.control_socket import ask
+from companion.host.unix_datagram import bind_datagram_socket
+from companion.sim import truth
 from companion.sim.operator import engage
-from companion.sim.px4_report import Px4Report
+from companion.sim.px4 import report
+from companion.sim.px4.report import Px4Report
 from companion.sim.scenario import encode_scenario
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
-from companion.unix_datagram import bind_datagram_socket
 
 SEED = 5
 HOLD_LIMIT_S = 9.0
@@ -61,9 +62,9 @@ class Flying:
                 await asyncio.sleep(0.02)
         self._reports.sendto(order.encode(), str(address))
         datagram = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(self._reports, 65536), 5.0)
-        report = px4_report.decode(datagram)
-        assert report.error is None, report.error
-        return report
+        answer = report.decode(datagram)
+        assert answer.error is None, answer.error
+        return answer
 
     def fault(self, order: str) -> None:
         """To the service: see tests.faults.service."""

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from companion import wire
-from companion.broadcast import Link, NeighbourSender
-from companion.clock import MonotonicClock
-from companion.config import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
+from companion.config.schema import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
+from companion.core.clock import MonotonicClock
 from companion.errors import CompanionError
-from companion.pinger import Pinger
-from companion.traffic import sent_bytes
+from companion.neighbours import wire
+from companion.neighbours.link import Link
+from companion.neighbours.sender import NeighbourSender
+from companion.radio.pinger import Pinger
+from companion.radio.traffic import sent_bytes
 from csi_bridge.injector import Injector, ping_frame, radiotap
 
 TAP = len(radiotap(1))

@@ -21,9 +21,9 @@ import pytest
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
-from companion.clock import NS_PER_S, MonotonicClock, Ticker
-from companion.messages import FlightMode, Pose, Setpoint
-from companion.sim.px4_process import Px4Process
+from companion.core.clock import NS_PER_S, MonotonicClock, Ticker
+from companion.core.messages import FlightMode, Pose, Setpoint
+from companion.sim.px4.process import Px4Process
 
 _CLOCK = MonotonicClock()
 _OPTIONS = ("--param", "COM_DISARM_LAND=0.5", "--param", "COM_OBL_RC_ACT=5")
@@ -284,8 +284,8 @@ _CLIENT = textwrap.dedent(
     """
     import asyncio, sys
     from companion.autopilot.mavsdk_edge import MavsdkAutopilot
-    from companion.clock import MonotonicClock, Ticker
-    from companion.messages import Setpoint
+    from companion.core.clock import MonotonicClock, Ticker
+    from companion.core.messages import Setpoint
 
     async def main(url, task):
         clock = MonotonicClock()

@@ -16,15 +16,15 @@ from typing import Any
 
 import pytest
 
-from companion.control import ask
+from companion.core.streams import SERVICE_STREAMS
 from companion.errors import CompanionError
-from companion.log_reader import read_log
+from companion.host.control_socket import ask
+from companion.host.unix_datagram import bind_datagram_socket
+from companion.log.reader import read_log
 from companion.sim import truth
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth
-from companion.streams import SERVICE_STREAMS
-from companion.unix_datagram import bind_datagram_socket
 
 SEED = 3
 

@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 import yaml
 
-from companion.config_file import load_config
-from companion.radio_checks import System, static_checks
+from companion.config.file import load_config
+from companion.radio.checks import System, static_checks
 from csi_bridge.netlink import NetlinkSource, connector_available
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
 from csi_bridge.replay import read_tape
-from tests.csi_records import DATA, needs_data
+from tests.csi_records import needs_data
+from tests.paths import CONFIGS, DATA
 
 IDX = 17
 UNAVAILABLE = connector_available(IDX)
@@ -97,7 +98,7 @@ def test_feed_says_when_there_is_no_service_to_hear_it(tmp_path: Path) -> None:
 @needs_data
 @needs_netlink
 def test_doctor_finds_the_group_that_the_driver_really_reports_in(tmp_path: Path) -> None:
-    config = yaml.safe_load((Path(__file__).parents[2] / "configs" / "demo-uav.yaml").read_text())
+    config = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text())
     config["csi"]["connector_idx"] = IDX + 1
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
     doctor = companion("doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "3")
@@ -112,7 +113,7 @@ def test_doctor_finds_the_group_that_the_driver_really_reports_in(tmp_path: Path
 @needs_data
 @needs_netlink
 def test_doctor_sees_the_antennas_and_packets_of_a_fed_recording(tmp_path: Path) -> None:
-    config = yaml.safe_load((Path(__file__).parents[2] / "configs" / "demo-uav.yaml").read_text())
+    config = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text())
     config["csi"]["connector_idx"] = IDX
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
     doctor = companion(
@@ -137,7 +138,7 @@ def test_doctor_sees_the_antennas_and_packets_of_a_fed_recording(tmp_path: Path)
 
 
 def test_doctor_reads_what_the_kernel_shows_of_a_card(tmp_path: Path) -> None:
-    config_file = Path(__file__).parents[2] / "configs" / "uav.yaml"
+    config_file = CONFIGS / "uav.yaml"
     document = yaml.safe_load(config_file.read_text())
     document["csi"]["interface"] = "mon0"
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(document))

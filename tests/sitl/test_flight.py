@@ -22,8 +22,8 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
-from companion.clock import NS_PER_S
-from companion.unix_datagram import bind_datagram_socket
+from companion.core.clock import NS_PER_S
+from companion.host.unix_datagram import bind_datagram_socket
 from tests.faults.campaigns import runs
 from tests.faults.figures import record
 from tests.sitl.flying import Flying
@@ -262,13 +262,13 @@ async def test_fault_23_a_step_of_the_wall_clock_changes_nothing(flying: Flying)
 async def test_fault_06_a_worker_that_hangs_or_dies_is_replaced(flying: Flying, number: signal.Signals) -> None:
     await flying.fly("approaching")
     await flying.until(lambda status: status["state"] == "approaching" and not status["bearing_stale"])
-    (worker,) = flying.children("companion.aoa_worker")
+    (worker,) = flying.children("companion.sensing.worker")
     begin = await flying.px4("forget gaps")
     os.kill(worker, number)
     since_s = time.monotonic()
     await flying.until(lambda status: status["bearing_stale"], 10.0)
     stale_s = time.monotonic() - since_s
-    replaced = await flying.until(lambda _: flying.children("companion.aoa_worker") not in ([], [worker]), 30.0)
+    replaced = await flying.until(lambda _: flying.children("companion.sensing.worker") not in ([], [worker]), 30.0)
     restarted_s = time.monotonic() - since_s
     await asyncio.sleep(max(0.0, 2.0 - restarted_s))
     end = await flying.px4()
@@ -411,7 +411,7 @@ async def test_fault_02_a_killed_service_is_silent_and_leaves_nothing_behind(fly
     for _ in range(count):
         await flying.fly()
         await asyncio.sleep(0.3)
-        children = [pid for module in ("aoa_worker", "pose_relay") for pid in flying.children(module)]
+        children = [pid for module in ("companion.sensing.worker", "pose_relay") for pid in flying.children(module)]
         killed_ns = await flying.kill()
         await asyncio.sleep(1.3)
         report = await flying.px4()

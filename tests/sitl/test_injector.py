@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from companion.clock import MonotonicClock
-from companion.config import Config, CsiConfig, NeighbourConfig, PingConfig
+from companion.config.schema import Config, CsiConfig, NeighbourConfig, PingConfig
+from companion.core.clock import MonotonicClock
 from companion.errors import CompanionError
-from companion.pinger import open_pinger
+from companion.radio.pinger import open_pinger
 from csi_bridge.injector import (
     CARD_ADDRESS,
     Injector,

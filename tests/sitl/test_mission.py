@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
-from companion.clock import MonotonicClock
+from companion.core.clock import MonotonicClock
 from tests.sitl.flying import Flying, flying
 
 _PORT = 14540

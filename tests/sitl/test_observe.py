@@ -15,9 +15,9 @@ from pathlib import Path
 
 import msgspec
 
-from companion.config import MissionConfig
-from companion.log_reader import read_log
-from companion.streams import SERVICE_STREAMS
+from companion.config.schema import MissionConfig
+from companion.core.streams import SERVICE_STREAMS
+from companion.log.reader import read_log
 from tests.sitl.flying import Flying, flying
 
 _ASKS_AND_TELLS = {

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
-from companion.sim.px4_process import Px4Process
-from companion.unix_datagram import bind_datagram_socket
+from companion.sim.px4.process import Px4Process
 
 
 def _unused_port() -> int:
@@ -50,6 +50,6 @@ def test_an_order_it_does_not_know_is_an_error(tmp_path: Path) -> None:
     ],
 )
 def test_bad_options_are_usage_errors(options: list[str], said: str) -> None:
-    command = [sys.executable, "-m", "companion.sim.px4", *options]
+    command = [sys.executable, "-m", "companion.sim.px4.autopilot", *options]
     result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
     assert result.returncode == 2 and said in result.stderr

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.sim import truth
 from companion.sim.scenario import Scenario, encode_scenario
-from companion.unix_datagram import bind_datagram_socket
 from csi_bridge.netlink import NetlinkSource, connector_available
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord

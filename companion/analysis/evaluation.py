@@ -1,0 +1,265 @@
+"""Every link of a data set against its truth: errors by set, with and without the estimates that call themselves
+unreliable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.analysis.bearings import analyze_run, analyze_run_with
+from companion.analysis.result import NO_LEVER, LinkResult, Options, RunResult
+from companion.analysis.runs import Run
+from companion.core.messages import Vector3
+from wsr.aoa import Estimator
+from wsr.profile import profile_variance
+
+ALL = "all"
+UNEVALUATED_DEG = 180.0
+"""The error of a link that has its files but gave no estimate: as wrong as can be."""
+_WITHIN_DEG = 10.0
+_RELIABLE = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRow:
+    """One link. `error_deg` is |azimuth error| at the estimate's own reference point."""
+
+    set: str
+    position: str
+    run: str
+    tx: str
+    error_deg: float
+    azimuth_deg: float | None
+    true_azimuth_deg: float | None
+    polar_deg: float | None
+    """From Up; `elevation_deg` is the same above the horizon."""
+    true_polar_deg: float | None
+    elevation_deg: float | None
+    true_elevation_deg: float | None
+    azimuth_std_deg: float | None
+    reliability: float
+    """0 for a link without an estimate."""
+    packets: int
+    reason: str
+    """Why it could not be evaluated; empty where it could."""
+    profile_variance: float | None = None
+    """The confidence of the WSR Toolbox, lower is better, for comparison with the reliability."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Errors of some links: how many, median, mean, 90th percentile, share under 10 degrees."""
+
+    n: int
+    median_deg: float
+    mean_deg: float
+    p90_deg: float
+    within_10: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What the reliability is worth over all links. Areas are under the curves of `risk_coverage`, in degrees."""
+
+    reliable: int
+    """Links whose reliability is above 0.8."""
+    reliable_within_3_std: float | None
+    """Share of those whose azimuth error is within 3 of their standard deviations; None if there are none."""
+    area_reliability_deg: float
+    area_profile_variance_deg: float
+    best_half: Figures
+    """The more reliable half of the links."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A link or run whose files are not there."""
+
+    set: str
+    run: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What to know about a run, or one link of it, that was evaluated all the same."""
+
+    set: str
+    run: str
+    tx: str | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunRows:
+    """What one run adds to an evaluation."""
+
+    links: list[LinkRow]
+    left_out: list[LeftOut]
+    notes: list[Note]
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """`sets` counts every link that has files; `reliable` only those at or above the reliability asked for."""
+
+    poses: str
+    estimator: str
+    min_reliability: float
+    sets: dict[str, Figures]
+    reliable: dict[str, Figures]
+    trust: Trust
+    links: list[LinkRow]
+    left_out: list[LeftOut]
+    notes: list[Note]
+    lever_m: Vector3 = NO_LEVER
+    """Of the antenna from the tracked point, as used."""
+
+
+def evaluate_run(run: Run, options: Options) -> RunRows:
+    """The rows of one run. Pure but for reading its files, so runs can be shared out to processes."""
+    return _rows(run, analyze_run(run, options))
+
+
+def evaluate_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunRows]:
+    """As `evaluate_run`, for each of `estimators`; the files are read once."""
+    return [_rows(run, result) for result in analyze_run_with(run, options, estimators)]
+
+
+def evaluation(
+    runs: Iterable[RunRows], poses: str, estimator: str, min_reliability: float, lever_m: Vector3 = NO_LEVER
+) -> Evaluation:
+    """Of one run or more, with one link or more among them."""
+    found = list(runs)
+    rows = sorted((row for run in found for row in run.links), key=lambda row: (row.set, row.position, row.run, row.tx))
+    reliable = [row for row in rows if row.reliability >= min_reliability]
+    return Evaluation(
+        poses,
+        estimator,
+        min_reliability,
+        _by_set(rows),
+        _by_set(reliable),
+        trust(rows),
+        rows,
+        sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
+        sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
+        lever_m,
+    )
+
+
+def trust(links: Sequence[LinkRow]) -> Trust:
+    """What the reliability of these links, one at least, is worth."""
+    sure = [row for row in links if row.reliability > _RELIABLE and row.azimuth_std_deg is not None]
+    within = [row.error_deg <= 3 * (row.azimuth_std_deg or 0.0) for row in sure]
+    by_reliability = sorted(links, key=lambda row: -row.reliability)
+    half = by_reliability[: max(1, len(links) // 2)]
+    return Trust(
+        len(sure),
+        float(np.mean(within)) if sure else None,
+        float(risk_coverage(links)[1].mean()),
+        float(risk_coverage(links, by_profile_variance=True)[1].mean()),
+        _figures([row.error_deg for row in half]),
+    )
+
+
+def risk_coverage(links: Sequence[LinkRow], by_profile_variance: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Mean error (N,) [deg] of the most reliable links, or those of the lowest profile variance, against the share (N,)
+    of links kept."""
+    score = [row.reliability for row in links]
+    if by_profile_variance:
+        score = [-math.inf if row.profile_variance is None else -row.profile_variance for row in links]
+    order = np.argsort([-value for value in score], kind="stable")
+    errors = np.array([row.error_deg for row in links])[order]
+    kept = np.arange(1, len(errors) + 1)
+    return kept / max(len(errors), 1), np.cumsum(errors) / kept
+
+
+def _by_set(rows: Sequence[LinkRow]) -> dict[str, Figures]:
+    names = sorted({row.set for row in rows})
+    groups = {name: [row.error_deg for row in rows if row.set == name] for name in names}
+    if len(names) > 1:
+        groups[ALL] = [row.error_deg for row in rows]
+    return {name: _figures(errors) for name, errors in groups.items()}
+
+
+def _figures(errors_deg: list[float]) -> Figures:
+    errors = np.array(errors_deg)
+    return Figures(
+        len(errors),
+        float(np.median(errors)),
+        float(errors.mean()),
+        float(np.percentile(errors, 90)),
+        float(np.mean(errors < _WITHIN_DEG)),
+    )
+
+
+def _rows(run: Run, result: RunResult) -> RunRows:
+    """A link whose files are all there counts, whatever came of it. That its truth cannot be known is why it cannot be
+    evaluated before anything else."""
+    rows = [_row(run, link, result.truth_problem) for link in result.links]
+    if result.failure is not None:
+        reason = result.truth_problem or result.failure
+        rows = [_unevaluated(run, name, reason) for name in sorted(run.tx)]
+    said: list[tuple[str | None, str]] = [
+        (None, text) for text in result.problems if not any(text in row.reason for row in rows)
+    ]
+    said += [(link.name, text) for link in result.links for text in link.notes]
+    return RunRows(
+        rows,
+        [LeftOut(run.set_name, run.stamp, text) for text in result.missing],
+        [Note(run.set_name, run.stamp, tx, text) for tx, text in said],
+    )
+
+
+def _row(run: Run, link: LinkResult, truth_problem: str | None) -> LinkRow:
+    if link.estimate is None or link.truth is None:
+        reason = link.problem if link.estimate is None else truth_problem or link.truth_problem
+        return _unevaluated(run, link.name, reason or "no estimate", link.used)
+    estimate = link.estimate
+    std_deg = math.degrees(estimate.azimuth_std_rad)
+    difference_rad = math.remainder(estimate.azimuth_rad - link.truth.azimuth_rad, math.tau)
+    polar_deg = math.degrees(estimate.polar_rad) if estimate.polar_observable else None
+    true_polar_deg = math.degrees(link.truth.polar_rad)
+    return LinkRow(
+        set=run.set_name,
+        position=run.folder.resolve().name,
+        run=run.stamp,
+        tx=link.name,
+        error_deg=abs(math.degrees(difference_rad)),
+        azimuth_deg=math.degrees(estimate.azimuth_rad),
+        true_azimuth_deg=math.degrees(link.truth.azimuth_rad),
+        polar_deg=polar_deg,
+        true_polar_deg=true_polar_deg,
+        elevation_deg=None if polar_deg is None else 90.0 - polar_deg,
+        true_elevation_deg=90.0 - true_polar_deg,
+        azimuth_std_deg=std_deg if math.isfinite(std_deg) else None,
+        reliability=estimate.reliability,
+        packets=estimate.packets,
+        reason="",
+        profile_variance=None
+        if link.profile is None
+        else profile_variance(link.profile, estimate.azimuth_rad, estimate.polar_rad),
+    )
+
+
+def _unevaluated(run: Run, name: str, reason: str, packets: int = 0) -> LinkRow:
+    return LinkRow(
+        set=run.set_name,
+        position=run.folder.resolve().name,
+        run=run.stamp,
+        tx=name,
+        error_deg=UNEVALUATED_DEG,
+        azimuth_deg=None,
+        true_azimuth_deg=None,
+        polar_deg=None,
+        true_polar_deg=None,
+        elevation_deg=None,
+        true_elevation_deg=None,
+        azimuth_std_deg=None,
+        reliability=0.0,
+        packets=packets,
+        reason=reason,
+    )

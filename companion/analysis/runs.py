@@ -1,0 +1,173 @@
+"""Recorded runs on disk: which files belong together, in the layouts of the WSR data sets or given one by one.
+
+A run is named by the time stamp in its file names: `csi_rx_<stamp>.dat` at the receiving robot, `csi_tx<n>_<stamp>.dat`
+at each transmitter, `rx_trajectory_<stamp>_.csv` (motion capture), `t265_rx_trajectory...` and `odom_rx_trajectory...`.
+Trajectories may stand in a folder beside that of the CSI, and `groundtruth_positions.json` above both.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.analysis.trajectories import MAX_POSITION_M, PoseKind, guess_kind
+from companion.errors import CompanionError
+
+KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "00:21:6A:3E:F5:7E": "tx1",
+        "00:21:6A:3F:17:5A": "tx2",
+        "00:21:6A:30:D2:3C": "tx3",
+        "00:21:6A:B2:6E:FA": "tx4",
+    }
+)
+"""The radio cards of the WSR data sets."""
+TRUTH_NAME: Final = "groundtruth_positions.json"
+_CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.dat")
+_STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
+
+Position = npt.NDArray[np.float64]
+
+
+class RecordingError(CompanionError):
+    """Files of a recording are missing or wrong; the message names them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The surveyed part of a recording."""
+
+    path: Path
+    channel: int
+    transmitters: Mapping[str, Position]
+    """Positions (3,) by name, in the frame of motion capture; those at (0, 0, 0) are absent and left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The files of one run. What is not there is None or left out of the mapping."""
+
+    stamp: str
+    folder: Path
+    rx: Path | None
+    tx: Mapping[str, Path] = field(default_factory=dict)
+    trajectories: Mapping[PoseKind, Path] = field(default_factory=dict)
+    truth: Path | None = None
+    loose: bool = False
+    """The user chose the files one by one, so that none is missing."""
+
+    @property
+    def title(self) -> str:
+        return f"{self.set_name}/{self.folder.resolve().name} {self.stamp}"
+
+    @property
+    def set_name(self) -> str:
+        """The folder above that of the run: LOS_Set_A, for example."""
+        return self.folder.resolve().parent.name
+
+
+def find_runs(root: Path) -> list[Run]:
+    """Every run in `root` and in the folders below it, by folder and time stamp. Raises RecordingError for none."""
+    if not root.is_dir():
+        raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
+    folders = sorted({path.parent for path in root.rglob("csi_*.dat") if _CSI_NAME.fullmatch(path.name)})
+    runs = [run for folder in folders for run in _runs_of(folder)]
+    if not runs:
+        raise RecordingError(f"{root}: no recorded run here or below (expected files such as csi_rx_<time>.dat)")
+    return runs
+
+
+def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind | None = None) -> Run:
+    """A run of files given one by one. Each transmitter is named by its file name. Raises RecordingError."""
+    names = [_transmitter_name(path) for path in tx]
+    if len(set(names)) < len(names):
+        raise RecordingError(f"two files of one transmitter: {', '.join(path.name for path in tx)}")
+    stamp = _STAMP.search(rx.name)
+    return Run(
+        stamp=stamp.group() if stamp else rx.stem,
+        folder=rx.parent,
+        rx=rx,
+        tx=dict(zip(names, tx, strict=True)),
+        trajectories={kind or guess_kind(trajectory): trajectory},
+        truth=_truth_near(rx.parent),
+        loose=True,
+    )
+
+
+def read_truth(path: Path) -> Truth:
+    """Channel and true positions. Raises RecordingError that names the file and the key."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from None
+    except ValueError:
+        raise RecordingError(f"{path}: not a JSON file") from None
+    try:
+        channel = _whole(content["channel"]["value"])
+        places = {str(name): entry["position"] for name, entry in content["true_tx_positions"]["value"].items()}
+        positions = {name: np.array([float(place[axis]) for axis in "xyz"]) for name, place in places.items()}
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        what = f"key {error} is missing" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(f"{path}: {what}; expected channel.value and true_tx_positions.value") from None
+    for name, p in positions.items():
+        if not np.all(np.abs(p) <= MAX_POSITION_M):
+            raise RecordingError(
+                f"{path}: position of {name} is {p.tolist()}; expected metres within 1e5 of the origin"
+            )
+    return Truth(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
+
+
+def _whole(value: object) -> int:
+    number = float(value)  # type: ignore[arg-type]
+    if not number.is_integer():
+        raise ValueError(f"channel.value is {value}, not a whole number")
+    return int(number)
+
+
+def _runs_of(folder: Path) -> list[Run]:
+    files: dict[str, dict[str, Path]] = {}
+    for path in sorted(folder.glob("csi_*.dat")):
+        match = _CSI_NAME.fullmatch(path.name)
+        if match:
+            files.setdefault(match[2], {})[match[1]] = path
+    return [
+        Run(
+            stamp=stamp,
+            folder=folder,
+            rx=ends.get("rx"),
+            tx={name: path for name, path in ends.items() if name != "rx"},
+            trajectories=_trajectories(folder, stamp),
+            truth=_truth_near(folder),
+        )
+        for stamp, ends in sorted(files.items())
+    ]
+
+
+def _trajectories(folder: Path, stamp: str) -> dict[PoseKind, Path]:
+    """Those in the folder itself win over those in a folder beside it."""
+    beside = sorted(path for path in folder.parent.iterdir() if path.is_dir() and path != folder)
+    found: dict[PoseKind, Path] = {}
+    for place in (folder, folder.parent, *beside):
+        for path in sorted(place.glob(f"*rx_trajectory*{stamp}*.csv")):
+            found.setdefault(guess_kind(path), path)
+    return found
+
+
+def _truth_near(folder: Path) -> Path | None:
+    for place in (folder, folder.resolve().parent):
+        if (place / TRUTH_NAME).is_file():
+            return place / TRUTH_NAME
+    return None
+
+
+def _transmitter_name(path: Path) -> str:
+    match = re.search(r"tx\d+", path.name)
+    return match.group() if match else path.stem

@@ -1,0 +1,256 @@
+"""What an analysis found, for people (tables) and for programs (plain JSON values)."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from companion.analysis.evaluation import Figures
+from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, LinkResult, RunResult
+from companion.analysis.trajectories import PoseKind
+from companion.core.messages import Vector3
+
+Json = dict[str, object]
+
+_FAR_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SetSummary:
+    """Azimuth errors over the links of a set (the folder above the runs); None where there are none."""
+
+    name: str
+    links: int
+    """Those with an azimuth."""
+    of_links: int
+    """Those whose truth is known or that failed."""
+    median_deg: float | None
+    mean_deg: float | None
+    share_below_10_deg: float | None
+
+
+def run_table(result: RunResult) -> Table:
+    """One row per transmitter."""
+    table = Table(
+        title=Text(f"{result.run.title}  ({result.kind}); azimuth from East, polar angle from Up"),
+        title_justify="left",
+        title_style="bold",
+    )
+    for name, justify in _COLUMNS:
+        table.add_column(name, justify=justify, no_wrap=name != "dropped")  # type: ignore[arg-type]
+    for link in result.links:
+        table.add_row(*map(Text, _cells(link)))  # as Text: names may hold brackets, which rich would take for markup
+    return table
+
+
+def problem_lines(result: RunResult) -> list[str]:
+    """One line for each thing that is wrong with a run or its links."""
+    lines = _run_problems(result)
+    for link in result.links:
+        said = link.notes if link.problem is None else (*link.notes, link.problem)
+        lines += [f"{link.name}: {text}" for text in said]
+    return list(dict.fromkeys(lines))
+
+
+def note_lines(result: RunResult) -> list[str]:
+    """What was assumed."""
+    if result.kind is not PoseKind.ODOM or result.lever_m == NO_LEVER:
+        return []
+    return [lever_line(result.lever_m)]
+
+
+def lever_line(lever_m: Vector3) -> str:
+    """Where the antenna is taken to be."""
+    forward_m, left_m, up_m = lever_m
+    whose = "that of the WSR robot; --lever gives another" if lever_m == DEFAULT_LEVERS_M[PoseKind.ODOM] else "as given"
+    return f"antenna {forward_m:g} m forward, {left_m:g} m left, {up_m:g} m up of the tracked point ({whose})"
+
+
+def summarise(results: Sequence[RunResult]) -> list[SetSummary]:
+    """Azimuth errors by set, where the truth is known."""
+    groups: dict[str, list[LinkResult]] = defaultdict(list)
+    for result in results:
+        groups[result.run.set_name] += result.links
+    return [_summary(name, links) for name, links in sorted(groups.items()) if any(link.truth for link in links)]
+
+
+def summary_table(summaries: Sequence[SetSummary]) -> Table:
+    """Median, mean and share below 10 degrees of |azimuth error| by set."""
+    table = Table(title="|azimuth error| by set", title_justify="left", title_style="bold")
+    for column in ("set", "links", "median", "mean", "below 10°"):
+        table.add_column(column, justify="left" if column == "set" else "right")
+    for row in summaries:
+        count = str(row.links) if row.links == row.of_links else f"{row.links} of {row.of_links}"
+        share = "-" if row.share_below_10_deg is None else f"{row.share_below_10_deg:.0%}"
+        angles = ("-" if angle is None else f"{angle:.1f}°" for angle in (row.median_deg, row.mean_deg))
+        table.add_row(Text(row.name), count, *angles, share)
+    return table
+
+
+def as_json(results: Sequence[RunResult]) -> Json:
+    """The whole result; angles in degrees, None where there is no value or it is infinite. Polar angles are from Up, as
+    in the paper, and elevations above the horizon: 90 degrees less the polar angle."""
+    return {
+        "runs": [_run_json(result) for result in results],
+        "sets": [
+            {
+                "set": row.name,
+                "links": row.links,
+                "of_links": row.of_links,
+                "median_deg": row.median_deg,
+                "mean_deg": row.mean_deg,
+                "share_below_10_deg": row.share_below_10_deg,
+            }
+            for row in summarise(results)
+        ],
+    }
+
+
+_COLUMNS = (
+    ("tx", "left"),
+    ("azimuth", "right"),
+    ("polar", "right"),
+    ("true az.", "right"),
+    ("true polar", "right"),
+    ("az. error", "right"),
+    ("3D error", "right"),
+    ("packets", "right"),
+    ("dropped", "left"),
+    ("reliability", "right"),
+)
+
+
+def _summary(name: str, links: Sequence[LinkResult]) -> SetSummary:
+    known = [link for link in links if link.truth is not None or link.estimate is None]
+    errors = np.degrees([abs(link.azimuth_error_rad) for link in links if link.azimuth_error_rad is not None])
+    if not len(errors):
+        return SetSummary(name, 0, len(known), None, None, None)
+    share = float(np.mean(errors < _FAR_DEG))
+    return SetSummary(name, len(errors), len(known), float(np.median(errors)), float(np.mean(errors)), share)
+
+
+def _cells(link: LinkResult) -> Iterator[str]:
+    estimate, truth = link.estimate, link.truth
+    yield link.name
+    yield _degrees(estimate.azimuth_rad if estimate and estimate.azimuth_observable else None)
+    yield _degrees(estimate.polar_rad if estimate and estimate.polar_observable else None)
+    yield _degrees(truth.azimuth_rad if truth else None)
+    yield _degrees(truth.polar_rad if truth else None)
+    yield _degrees(link.azimuth_error_rad, signed=True)
+    yield _degrees(link.great_circle_error_rad)
+    yield f"{link.used}/{link.packets}"
+    yield ", ".join(f"{count} {reason}" for reason, count in link.dropped.items()) or "none"
+    yield f"{estimate.reliability:.2f}" if estimate else "-"
+
+
+def _run_json(result: RunResult) -> Json:
+    return {
+        "run": result.run.stamp,
+        "set": result.run.set_name,
+        "folder": str(result.run.folder),
+        "poses": result.kind,
+        "lever_m": list(result.lever_m),
+        "problems": _run_problems(result),
+        "links": [_link_json(link) for link in result.links],
+    }
+
+
+def _run_problems(result: RunResult) -> list[str]:
+    return [*result.missing, *result.problems, *([] if result.failure is None else [result.failure])]
+
+
+def _link_json(link: LinkResult) -> Json:
+    values: Json = {
+        "tx": link.name,
+        "mac": link.mac,
+        "problem": link.problem,
+        "notes": list(link.notes),
+        "packets": link.packets,
+        "used": link.used,
+        "dropped": dict(link.dropped),
+        "true_azimuth_deg": _deg(link.truth.azimuth_rad if link.truth else None),
+        "true_polar_deg": _deg(link.truth.polar_rad if link.truth else None),
+        "true_elevation_deg": _elevation_deg(link.truth.polar_rad if link.truth else None),
+        "truth_problem": link.truth_problem,
+        "azimuth_error_deg": _deg(link.azimuth_error_rad),
+        "great_circle_error_deg": _deg(link.great_circle_error_rad),
+    }
+    found = link.estimate
+    if found is None:
+        return {**values, "azimuth_deg": None, "polar_deg": None, "elevation_deg": None}
+    polar_rad = found.polar_rad if found.polar_observable else None
+    return {
+        **values,
+        "azimuth_deg": math.degrees(found.azimuth_rad) if found.azimuth_observable else None,
+        "polar_deg": _deg(polar_rad),
+        "elevation_deg": _elevation_deg(polar_rad),
+        "azimuth_std_deg": _number(math.degrees(found.azimuth_std_rad)),
+        "polar_std_deg": _number(math.degrees(found.polar_std_rad)),
+        "crb_deg": _number(math.degrees(found.crb_rad)),
+        "coherence": found.coherence,
+        "reliability": found.reliability,
+        "length_m": found.length_m,
+        "extents_m": list(found.extents_m),
+        "reference_m": list(found.reference_p_m),
+        "reference_time_s": found.reference_t_s,
+        "range_m": found.range_m,
+        "range_std_m": _number(found.range_std_m),
+        **{
+            name: [
+                {
+                    "azimuth_deg": math.degrees(peak.azimuth_rad),
+                    "polar_deg": math.degrees(peak.polar_rad),
+                    "power": peak.power,
+                    "relative_power": peak.relative_power,
+                    "prominence": peak.prominence,
+                    "width_deg": math.degrees(peak.width_rad),
+                }
+                for peak in peaks
+            ]
+            for name, peaks in (("alternatives", found.alternatives), ("paths", found.paths))
+        },
+        "cone": None
+        if found.cone is None
+        else {
+            "axis": list(found.cone.axis),
+            "angle_deg": math.degrees(found.cone.angle_rad),
+            "angle_std_deg": _number(math.degrees(found.cone.angle_std_rad)),
+        },
+    }
+
+
+def _degrees(angle_rad: float | None, signed: bool = False) -> str:
+    if angle_rad is None:
+        return "-"
+    return f"{math.degrees(angle_rad):{'+' if signed else ''}.1f}°"
+
+
+def _deg(angle_rad: float | None) -> float | None:
+    return None if angle_rad is None else math.degrees(angle_rad)
+
+
+def _elevation_deg(polar_rad: float | None) -> float | None:
+    return None if polar_rad is None else 90.0 - math.degrees(polar_rad)
+
+
+def _number(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def figures_table(title: str, figures: Mapping[str, Figures], of: Mapping[str, Figures] | None = None) -> Table:
+    """One row for each set. With `of`, the links kept are shown as a share of those."""
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("set")
+    for heading in ("links", "median", "mean", "90th pct", "below 10°"):
+        table.add_column(heading, justify="right")
+    for name, row in figures.items():
+        angles = (f"{row.median_deg:.2f}°", f"{row.mean_deg:.2f}°", f"{row.p90_deg:.1f}°")
+        links = str(row.n) if of is None else f"{row.n} of {of[name].n}"
+        table.add_row(Text(name), links, *angles, f"{row.within_10:.0%}")
+    return table

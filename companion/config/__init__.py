@@ -1,0 +1,4 @@
+"""The configuration of one vehicle or robot: a YAML file in, one frozen `Config` or every error at once out.
+
+Nothing else in the program reads YAML, and nothing here opens what a configuration names.
+"""

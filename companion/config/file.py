@@ -1,0 +1,121 @@
+"""YAML file -> `Config`: unknown keys are fatal, all errors are reported together, each with the path of its key."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from companion.config.schema import Config
+from companion.errors import ConfigError
+
+
+def load_config(path: Path) -> Config:
+    """Raises ConfigError with one line for each error found."""
+    try:
+        document = yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such configuration file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(document, dict):
+        raise ConfigError(f"{path}: expected a mapping of keys at the top, got {_kind(document)}")
+    return config_of(document, str(path))
+
+
+def save_config(config: Config, path: Path) -> None:
+    """Writes what `load_config` reads back."""
+    path.write_text(yaml.safe_dump(msgspec.to_builtins(config), sort_keys=False))
+
+
+def config_of(document: dict[str, Any], where: str) -> Config:
+    """The configuration that a mapping of keys means. Raises ConfigError that begins with `where`."""
+    errors: list[str] = []
+    config = _build(Config, document, "", errors)
+    if config is not None and not errors:
+        errors = config.errors()
+    if errors or config is None:
+        count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
+        raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in errors))
+    assert isinstance(config, Config)
+    return config
+
+
+def _build(cls: type, data: Any, path: str, errors: list[str]) -> Any:
+    """An instance of the dataclass `cls`, or None with the reasons appended to `errors`."""
+    if not isinstance(data, dict):
+        errors.append(f"{path}: expected a mapping of keys, got {_kind(data)}")
+        return None
+    fields = {f.name: f for f in dataclasses.fields(cls)}
+    hints = typing.get_type_hints(cls, include_extras=True)
+    before = len(errors)
+    errors += [
+        f"{_join(path, str(key))}: unknown key{_suggestion(str(key), fields)}" for key in data if key not in fields
+    ]
+    values = {}
+    for name, spec in fields.items():
+        if name in data:
+            values[name] = _convert(hints[name], data[name], _join(path, name), errors)
+        elif spec.default is dataclasses.MISSING and spec.default_factory is dataclasses.MISSING:
+            errors.append(f"{_join(path, name)}: missing; expected {_describe(hints[name])}")
+    return cls(**values) if len(errors) == before else None
+
+
+def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
+    if typing.get_origin(hint) in (types.UnionType, typing.Union):  # `X | None`: null is as good as absent
+        if value is None:
+            return None
+        (hint,) = (arg for arg in typing.get_args(hint) if arg is not type(None))
+    if dataclasses.is_dataclass(hint):
+        return _build(typing.cast(type, hint), value, path, errors)
+    arguments = typing.get_args(hint)
+    if typing.get_origin(hint) is list and dataclasses.is_dataclass(arguments[0]):
+        if not isinstance(value, list):
+            errors.append(f"{path}: expected a list, got {_kind(value)}")
+            return None
+        return [_build(typing.cast(type, arguments[0]), item, f"{path}[{i}]", errors) for i, item in enumerate(value)]
+    if not _is_finite(value):
+        errors.append(f"{path}: expected a finite number (got {value!r})")
+        return None
+    try:
+        return msgspec.convert(value, hint)
+    except msgspec.ValidationError as error:
+        errors.append(f"{path}: {str(error).replace('`', '')} (got {value!r})")
+        return None
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, list):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def _join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _suggestion(key: str, fields: dict[str, Any]) -> str:
+    close = difflib.get_close_matches(key, fields, n=1)
+    return f"; did you mean {close[0]}?" if close else f"; known here: {', '.join(fields)}"
+
+
+def _describe(hint: Any) -> str:
+    if dataclasses.is_dataclass(hint):
+        return "a section"
+    if typing.get_origin(hint) is typing.Literal:
+        return " or ".join(map(str, typing.get_args(hint)))
+    base = typing.get_args(hint)[0] if typing.get_origin(hint) is typing.Annotated else hint
+    return getattr(base, "__name__", str(base))
+
+
+def _kind(value: Any) -> str:
+    return "nothing" if value is None else type(value).__name__

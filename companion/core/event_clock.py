@@ -1,0 +1,56 @@
+"""One input at a time, at one time: what makes a flight repeatable.
+
+Everything that decides is called from the event loop by an input: bytes of the card, a pose, a datagram, a tick, a
+person's wish, an answer of the worker, the outcome of a command. Each runs to its end before the next begins. While
+one is handled the clock stands still, so that whoever asks reads the same time, and that time is all that the log needs
+to hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from companion.core.clock import Clock
+
+
+class EventClock:
+    """A `Clock` that stands still inside `event` and counts events; outside it is the clock below.
+
+    For the event loop's thread only: other threads use the clock below.
+    """
+
+    def __init__(self, base: Clock) -> None:
+        self._base = base
+        self._held_ns: int | None = None
+        self.number = 0
+        """Of the event in progress, or of the last one."""
+
+    @property
+    def is_held(self) -> bool:
+        """Whether an event is being handled."""
+        return self._held_ns is not None
+
+    @contextmanager
+    def event(self, t_ns: int | None = None) -> Iterator[int]:
+        """Handles one input at `t_ns` (now, if not given). Inside another event it is a part of that one."""
+        if self._held_ns is not None:
+            yield self._held_ns
+            return
+        self.number += 1
+        self._held_ns = self._base.now_ns() if t_ns is None else t_ns
+        try:
+            yield self._held_ns
+        finally:
+            self._held_ns = None
+
+    @classmethod
+    def over(cls, clock: Clock) -> EventClock:
+        """`clock` itself where it is one already."""
+        return clock if isinstance(clock, EventClock) else cls(clock)
+
+    def now_ns(self) -> int:
+        return self._base.now_ns() if self._held_ns is None else self._held_ns
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        await self._base.sleep_until_ns(deadline_ns)

@@ -1,0 +1,143 @@
+"""Whether the vehicle may be engaged: gathers what `preflight` judges."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from companion.autopilot.port import Autopilot, AutopilotError
+from companion.config.schema import Config
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Surroundings
+from companion.core.messages import FlightMode
+from companion.core.recorder import Recorder
+from companion.core.streams import SURROUNDINGS
+from companion.neighbours.neighbour import Neighbour
+from companion.pose.intake import PoseIntake
+from companion.safety.preflight import (
+    Readiness,
+    ReadinessLimits,
+    parameter_problems,
+    readiness_problems,
+    required_parameters,
+)
+from companion.sensing.iterations import SarIterations
+
+_CHECKED_FOR_S = 30.0
+"""How long a look at the autopilot's parameters stands for them."""
+_POSITION_S = 1.0
+
+
+class Engagement:
+    """Looks at every part of the service and at the autopilot; commands nothing."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        intake: PoseIntake,
+        neighbours: Mapping[int, Neighbour],
+        autopilot: Autopilot,
+        sar: SarIterations,
+        recorder: Recorder,
+        look: Callable[[], Surroundings] | None = None,
+    ) -> None:
+        assert config.autopilot is not None
+        self._config = config
+        self._gps = config.autopilot.gps
+        self._clock = EventClock.over(clock)
+        self._look = look or self._look_around
+        self._seen: tuple[int, Surroundings] | None = None
+        self._intake = intake
+        self._target = neighbours[config.target]
+        self._autopilot = autopilot
+        self._sar = sar
+        self._recorder = recorder
+        self._checked_ns: int | None = None
+        self._limits = ReadinessLimits(
+            config.aperture.silent_s, config.mission.min_battery, config.recorder.min_free_mib
+        )
+
+    @property
+    def parameters_checked(self) -> bool:
+        """Whether the autopilot's parameters were found as required a moment ago."""
+        return self._surroundings().parameters_checked
+
+    def not_ready(self, packet_age_s: float, datagram_age_s: float) -> list[str]:
+        """What is missing now, but for the parameters. The ages are those of the target's newest sign of life."""
+        return readiness_problems(self._readiness(packet_age_s, datagram_age_s), self._limits)
+
+    async def parameter_problems(self) -> list[str]:
+        """Reads what is required of the autopilot, all at once; one line for each that is wrong."""
+        self._checked_ns = None
+        if self._autopilot.problem:
+            return ["the autopilot's parameters were not read"]
+        names = [requirement.name for requirement in required_parameters(self._gps)]
+        values = dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
+        problems = list(parameter_problems(values, self._gps))
+        self._checked_ns = None if problems else self._clock.now_ns()
+        return problems
+
+    async def _read(self, name: str) -> float | str:
+        try:
+            return await self._autopilot.parameter(name)
+        except AutopilotError as error:
+            return str(error)
+
+    def _readiness(self, packet_age_s: float, datagram_age_s: float) -> Readiness:
+        vehicle, around = self._autopilot.state(), self._surroundings()
+        return Readiness(
+            observes=self._config.mission.control == "observe",
+            autopilot_problem=around.autopilot_problem,
+            heartbeat_age_s=self._age_s(vehicle.heartbeat_mono_ns),
+            has_position=vehicle.p_local_enu_m is not None and self._age_s(vehicle.position_mono_ns) < _POSITION_S,
+            estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
+            estimator_healthy=vehicle.estimator_healthy,
+            failsafe=vehicle.failsafe,
+            flown_in=str(vehicle.mode) if vehicle.in_air and vehicle.mode is not FlightMode.HOLD else "",
+            timesync_age_s=self._age_s(vehicle.timesync_mono_ns),
+            battery=vehicle.battery_remaining,
+            pose_problem=self._intake.problem(),
+            north_problem=self._intake.north_problem(),
+            datagram_age_s=datagram_age_s,
+            packet_age_s=packet_age_s,
+            bad_signatures=around.bad_signatures,
+            clock_problem=self._target.not_locked(self._clock.now_ns()),
+            aoa_ready=self._sar.is_ready,
+            recorder_failed=around.recorder_failed,
+            free_mib=around.free_mib,
+        )
+
+    def _surroundings(self) -> Surroundings:
+        """The same for all of one event, and recorded with it."""
+        if not self._clock.is_held:
+            return self._look()
+        if self._seen is None or self._seen[0] != self._clock.number:
+            self._seen = self._clock.number, self._look()
+            self._recorder.record(SURROUNDINGS, self._clock.now_ns(), self._seen[1])
+        return self._seen[1]
+
+    def _look_around(self) -> Surroundings:
+        return Surroundings(
+            self._clock.now_ns(),
+            self._autopilot.problem,
+            self._age_s(self._checked_ns) < _CHECKED_FOR_S,
+            self._target.refused.bad_key,
+            self._recorder.failed,
+            _free_mib(self._config.path(self._config.recorder.path).parent),
+        )
+
+    def _age_s(self, t_ns: int | None) -> float:
+        return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
+
+
+def _free_mib(directory: Path) -> float:
+    """Nothing is free where the log's directory has gone."""
+    try:
+        return shutil.disk_usage(directory).free / (1 << 20)
+    except OSError:
+        return 0.0

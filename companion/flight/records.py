@@ -1,0 +1,53 @@
+"""What the flight loop writes into the log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from companion.core.inputs import Event
+from companion.core.messages import Setpoint
+from companion.guidance.tracker import Target, TargetReport
+from companion.mission.table import Action, State
+from companion.sensing.records import Bearing, Iteration
+
+SERVICE_ENDS: Final = "the service ends"
+"""Reason of the last step of every mission, whose state says nothing of the flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionStep:
+    """One transition of the mission, for the log."""
+
+    t_mono_ns: int
+    state: State
+    event: Event
+    next_state: State
+    actions: tuple[Action, ...]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class GateReport:
+    """A change of what the gate says: the reasons now, none when set points pass again."""
+
+    t_mono_ns: int
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedSetpoint:
+    """What would have been sent, and what the gate said to it. Nothing was."""
+
+    t_mono_ns: int
+    setpoint: Setpoint
+    reasons: tuple[str, ...]
+
+
+def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
+    """What a bearing made of the target; its place where the bearings cross."""
+    place = None
+    if target.origin_local_enu_m is not None:
+        x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
+        place = (x, y, z)
+    return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)

@@ -1,0 +1,70 @@
+"""Where the robots around us are, by their bearings and by what they say of themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from companion.core.messages import Vector3
+from companion.guidance.tracker import Target, TargetTracker
+from companion.neighbours.neighbour import Neighbour
+from companion.sensing.records import Bearing
+
+_KNOWN_STD_M: Final = 1.0
+"""A place that is less sure than this keeps nothing at a distance: it may be anywhere."""
+_AGREED: Final = 0.6
+"""The least share of bearings that point to a place before it may end the approach."""
+
+
+class Targets:
+    """One tracker for each robot that is heard; `target` is the one that is flown to."""
+
+    def __init__(self, neighbours: Mapping[int, Neighbour], target: int) -> None:
+        self._neighbours = neighbours
+        self._target = target
+        self._trackers: dict[int, TargetTracker] = {}
+        self._found: dict[int, Target] = {}
+
+    def forget(self) -> None:
+        self._trackers.clear()
+        self._found.clear()
+
+    def add(self, peer: int, bearing: Bearing) -> Target:
+        """Takes a bearing; what is known of that robot now."""
+        found = self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)
+        return found
+
+    @property
+    def target(self) -> Target | None:
+        return self._found.get(self._target)
+
+    def is_near(self, p_local_enu_m: Vector3, arrival_range_m: float) -> bool:
+        """Whether the target, where its newest datagram says it has come to, is surely within the range of arrival."""
+        target = self.target
+        place = self._place(self._target) if target is not None else None
+        if target is None or place is None:
+            return False
+        if target.agreement < _AGREED:
+            return False
+        return math.dist(p_local_enu_m, place) + 2 * target.range_std_m < arrival_range_m
+
+    def is_nearest(self, p_local_enu_m: Vector3) -> bool:
+        """Whether of all places that are known the target's is the nearest."""
+        place = self._place(self._target) if self._target in self._found else None
+        if place is None:
+            return False
+        return all(math.dist(p_local_enu_m, place) <= math.dist(p_local_enu_m, other) for other in self.places())
+
+    def places(self) -> tuple[Vector3, ...]:
+        """Where robots are known to be, in the autopilot's local frame."""
+        known = (self._place(peer) for peer, found in self._found.items() if found.range_std_m < _KNOWN_STD_M)
+        return tuple(place for place in known if place is not None)
+
+    def _place(self, peer: int) -> Vector3 | None:
+        found = self._found[peer]
+        newest = self._neighbours[peer].newest_pose()
+        if found.origin_local_enu_m is None or newest is None or newest[0] != found.boot:
+            return None
+        x, y, z = (o + q for o, q in zip(found.origin_local_enu_m, newest[1], strict=True))
+        return x, y, z

@@ -1,0 +1,38 @@
+"""The program's own log, into the flight's."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass
+
+from companion.core.recorder import Recorder
+from companion.core.streams import LOG
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One line of the program's own log."""
+
+    level: int
+    """As in `logging`."""
+    name: str
+    text: str
+
+
+class _RecordingHandler(logging.Handler):
+    """The program's own log into the flight's."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        super().__init__(logging.INFO)
+        self._recorder = recorder
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = LogLine(record.levelno, record.name, record.getMessage())
+        self._recorder.record(LOG, time.monotonic_ns(), line)
+
+
+def record_lines(recorder: Recorder) -> logging.Handler:
+    handler = _RecordingHandler(recorder)
+    logging.getLogger().addHandler(handler)
+    return handler

@@ -1,0 +1,42 @@
+"""Secret keys of robots: files of random bytes that only their owner may read.
+
+A key is replaced without a gap: every robot takes the new one as `next_key_file` of the peer, then the peer itself
+changes over, then `next_key_file` becomes `key_file`. Meanwhile both are valid.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+from pathlib import Path
+
+from companion.errors import CompanionError, ConfigError
+from companion.neighbours import wire
+
+
+def read_key(path: Path) -> bytes:
+    """The secret bytes in `path`. Raises ConfigError when it is missing, short, or readable by others."""
+    try:
+        mode = path.stat().st_mode
+        key = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot read the key: {error.strerror} (companion keygen {path} makes one)"
+        ) from None
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ConfigError(f"{path}: the key must be readable by its owner only: chmod 600 {path}")
+    if len(key) < wire.MIN_KEY_BYTES:
+        raise ConfigError(f"{path}: {len(key)} bytes of key, expected at least {wire.MIN_KEY_BYTES}")
+    return key
+
+
+def write_key(path: Path) -> None:
+    """A new random key with mode 0600 from its first moment. Raises CompanionError; an existing file is never
+    replaced."""
+    try:
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(secrets.token_bytes(wire.MIN_KEY_BYTES))
+            os.fchmod(file.fileno(), 0o600)  # whatever the umask took away
+    except OSError as error:
+        raise CompanionError(f"{path}: cannot write the key: {error.strerror}") from None

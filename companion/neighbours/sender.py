@@ -1,0 +1,173 @@
+"""What we broadcast: our poses and the channels we measured, collected, signed, and kept below a rate of bytes."""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from dataclasses import replace
+from math import ceil
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.core.clock import NS_PER_S
+from companion.neighbours import wire
+from wsr.reduced import reduce_channel
+
+BYTES_PER_S: Final = 5000
+"""The paper's budget, with the headers that a network interface counts."""
+_SAVED_S: Final = 0.1
+"""Of the budget, from what earlier datagrams left: batches differ by a few packets."""
+_STALLED_S: Final = 0.5
+_HEARD_NS: Final = 2 * NS_PER_S
+_US_MASK: Final = (1 << 32) - 1
+
+_Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
+
+
+class NeighbourSender:
+    """Collects poses and reverse channels and makes a signed datagram of them when asked. `boot_id` as of BootBook."""
+
+    def __init__(
+        self,
+        role: wire.Role,
+        own_id: int,
+        key: bytes,
+        pose_rate_hz: float,
+        boot_id: int,
+        budget_bytes_s: float = BYTES_PER_S,
+    ) -> None:
+        self._role = role
+        self._id = own_id
+        self._key = key
+        self._pose_period_ns = round(NS_PER_S / pose_rate_hz)
+        self._boot_id = boot_id
+        self._counter = 0
+        self._counted = True
+        self._budget_bytes_s = budget_bytes_s
+        self._newest_pose_ns = 0
+        self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
+        self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
+        self._heard: OrderedDict[int, tuple[int, int]] = OrderedDict()
+        """(sending on its clock, arrival on ours) of the newest datagram of each robot, that echoed last at the end"""
+        self._allowance = budget_bytes_s * _SAVED_S
+        self._asked_ns: int | None = None
+        self.dropped = 0
+        """Values that a newer one pushed out because datagrams were not sent in time, or that fit no datagram."""
+        self.thinned = 0
+        """Channels left out, evenly, to stay below the budget of bytes."""
+        self.sent_bytes = 0
+        """With the headers that an interface counts."""
+
+    def wants_pose(self, t_ns: int) -> bool:
+        """Whether a pose of this time is due at the configured rate."""
+        return t_ns - self._newest_pose_ns >= self._pose_period_ns * 0.9
+
+    def add_pose(self, t_ns: int, p_enu_m: npt.ArrayLike, confidence: int) -> None:
+        """Queues the antenna's position (3,) of one time."""
+        self._newest_pose_ns = t_ns
+        self.dropped += len(self._poses) == wire.MAX_POSES
+        self._poses.append((t_ns, p_enu_m, confidence))
+
+    def add_heard(self, robot: int, sent_ns: int, arrived_ns: int) -> None:
+        """A datagram of another robot was accepted: it is told so, which bounds the relation of the clocks."""
+        self._heard[robot] = sent_ns, arrived_ns
+
+    def add_channel(
+        self, frame: int | None, t_ns: int, nic_us: int, csi: npt.NDArray[np.complex64], power_dbm: float, antenna: int
+    ) -> None:
+        """Queues the channel (30,) of one packet; `frame` None where the driver gives no counter."""
+        self.dropped += len(self._csi) == self._csi.maxlen
+        self._counted = frame is not None
+        power = int(np.clip(round(power_dbm), -128, 127)) if np.isfinite(power_dbm) else -128
+        self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna))
+
+    def datagrams(self, now_ns: int) -> list[bytes]:
+        """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
+        the pinging robot's counter. Sent at `now_ns`."""
+        if self._asked_ns is not None:
+            earned_s = min(_STALLED_S, (now_ns - self._asked_ns) / NS_PER_S)
+            self._allowance = min(self._allowance, self._budget_bytes_s * _SAVED_S) + self._budget_bytes_s * earned_s
+        self._asked_ns = now_ns
+        poses = [pose for pose in self._poses if 0 <= now_ns - pose[0] < NS_PER_S]
+        self.dropped += len(self._poses) - len(poses)
+        parts = [_batch(part) for part in _split(self._csi)]
+        self._poses.clear()
+        self._csi.clear()
+        made = []
+        for number in range(max(len(parts), 1 if poses else 0)):
+            data = self._datagram(poses if number == 0 else [], parts[number] if parts else wire.empty_csi(), now_ns)
+            if data is not None:
+                made.append(data)
+                self.sent_bytes += len(data) + wire.FRAME_BYTES
+                self._allowance -= len(data) + wire.FRAME_BYTES
+        return made
+
+    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
+        """With as many of the channels, evenly, as the budget has room for."""
+        t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
+        datagram = wire.Datagram(
+            self._role,
+            self._id,
+            self._boot_id,
+            self._counter,
+            now_ns,
+            wire.PoseBatch(
+                np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
+            ),
+            csi,
+            self._counted,
+            self._echo(now_ns),
+        )
+        self._counter += 1
+        try:
+            data = wire.encode(datagram, self._key)
+            while (over := len(data) + wire.FRAME_BYTES - self._allowance) > 0 and len(datagram.csi):
+                # The size of a channel depends on the others; an estimate that is too high thins a little too much.
+                each = (len(data) - wire.OVERHEAD_BYTES) / len(datagram.csi)
+                count = max(0, len(datagram.csi) - ceil(over / each))
+                datagram = replace(datagram, csi=csi.rows(np.linspace(0, len(csi) - 1, count).astype(np.intp)))
+                data = wire.encode(datagram, self._key)
+        except ValueError:  # a jump of the tracker in mid batch, or a broken stamp: nobody could use it
+            self.dropped += len(poses) + len(csi)
+            return None
+        self.thinned += len(csi) - len(datagram.csi)
+        return data
+
+    def _echo(self, now_ns: int) -> wire.Echo | None:
+        """Of the robots heard of late, the one whose turn it is."""
+        for robot, (sent_ns, arrived_ns) in self._heard.items():
+            if 0 <= now_ns - arrived_ns < _HEARD_NS:
+                self._heard.move_to_end(robot)
+                return wire.Echo(robot, sent_ns // 1000 & _US_MASK, (now_ns - arrived_ns) // 1000)
+        return None
+
+
+def _split(csi: deque[_Csi]) -> list[list[_Csi]]:
+    """Parts of which each fits one datagram: few enough, and counters and stamps not far from the first."""
+    parts: list[list[_Csi]] = []
+    for row in csi:
+        first = parts[-1][0] if parts else None
+        if (
+            first is None
+            or len(parts[-1]) == wire.MAX_CSI
+            or (row[0] - first[0]) % (1 << 32) > wire.MAX_FRAME_STEP
+            or (row[2] - first[2]) % (1 << 32) >= wire.NIC_SPAN_US
+        ):
+            parts.append([])
+        parts[-1].append(row)
+    return parts
+
+
+def _batch(part: list[_Csi]) -> wire.CsiBatch:
+    frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
+    coefficients, scale = reduce_channel(np.array(csi, np.complex64))
+    return wire.CsiBatch(
+        np.array(frame, np.uint32),
+        np.array(t_ns, np.int64),
+        np.array(nic_us, np.uint32),
+        coefficients,
+        scale,
+        np.array(power, np.int8),
+        np.array(antenna, np.uint8),
+    )

@@ -1,0 +1,149 @@
+"""CSI records of one card -> the channel of each packet of a known robot, stamped on the host's monotonic clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.core.clock import Clock
+from csi_bridge.clock import NicClock
+from csi_bridge.parser import parse_body
+from csi_bridge.records import SUBCARRIERS, CsiError, CsiRecord
+from csi_bridge.scaling import is_40mhz, total_rss_dbm, without_spatial_mapping
+from csi_bridge.source import CsiSource
+
+ANTENNAS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelSample:
+    """The channel of one packet, of its first transmit antenna.
+
+    `csi` (30, 3) complex64 in counts of the card by antenna A, B, C, zero where the card has none; `power_dbm` received
+    over all antennas.
+    """
+
+    peer: int
+    """Id of the robot that sent the packet."""
+    frame: int | None
+    """Counter of the exchange; None where the driver gives none (layout 34): such packets are paired by time."""
+    t_mono_ns: int
+    nic_us: int
+    csi: npt.NDArray[np.complex64]
+    power_dbm: float
+
+
+@dataclass(slots=True)
+class RadioCounters:
+    """What became of the records of a card since the start; owned by `Radio`."""
+
+    records: int = 0
+    samples: int = 0
+    malformed: int = 0
+    unknown_code: int = 0
+    unknown_sender: int = 0
+    no_sender: int = 0
+    """Records of the stock driver, which does not say who sent: nothing can be made of them."""
+    wide: int = 0
+    """Records of 40 MHz: estimates are made from 20 MHz only."""
+    no_counter: int = 0
+    """Records of layout 34, paired by time."""
+    lost: int = 0
+    """Records the driver counted and we never saw, from gaps in its own 16-bit count: lost on the way, or never
+    reported, as a beacon's driver does not report the frames meant for other robots though it counts them."""
+    restarts: int = 0
+    """Times the driver began anew: its count and its clock went back together."""
+
+
+class Radio:
+    """Drains a CSI source and hands over one `ChannelSample` for each packet of a known peer.
+
+    `peers` maps the six bytes of a MAC to the id of its robot. `on_record` gets every raw record (code, body) for the
+    log, before it is parsed.
+    """
+
+    def __init__(
+        self,
+        source: CsiSource,
+        peers: Mapping[bytes, int],
+        clock: Clock,
+        on_sample: Callable[[ChannelSample], None],
+        on_record: Callable[[int, int, bytes], None],
+    ) -> None:
+        self._source = source
+        self._peers = peers
+        self._clock = clock
+        self._on_sample = on_sample
+        self._on_record = on_record
+        self.nic_clock = NicClock()
+        self._bfee_count: int | None = None
+        self.counters = RadioCounters()
+        self.rssi_dbm: tuple[float | None, ...] = (None,) * ANTENNAS
+        """Of the newest record, by antenna A, B, C; None where there is no signal."""
+        self.record_ns: int | None = None
+        """When the newest record was read."""
+
+    def drain(self) -> None:
+        """Called when the source is readable."""
+        bodies = self._source.drain()
+        now_ns = self._clock.now_ns()
+        for code, body in bodies:
+            self._on_record(now_ns, code, body)
+            try:
+                record = parse_body(code, body)
+            except CsiError:
+                self.counters.malformed += 1
+                continue
+            if isinstance(record, CsiRecord):
+                self._take(record, now_ns)
+            elif record is None:
+                self.counters.unknown_code += 1
+
+    def antenna_power(self) -> dict[str, float | None]:
+        return dict(zip("ABC", self.rssi_dbm, strict=True))
+
+    def _take(self, record: CsiRecord, now_ns: int) -> None:
+        counters = self.counters
+        counters.records += 1
+        self.record_ns = now_ns
+        resets = self.nic_clock.resets
+        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
+        self._count_losses(record.bfee_count, self.nic_clock.resets != resets)
+        self.rssi_dbm = tuple([value - 44.0 - record.agc if value else None for value in record.rssi])
+        if record.mac is None:
+            counters.no_sender += 1
+            return
+        peer = self._peers.get(record.mac)
+        if peer is None:
+            counters.unknown_sender += 1
+            return
+        if is_40mhz(record.rate):
+            counters.wide += 1
+            return
+        counters.no_counter += record.frame_count is None
+        counters.samples += 1
+        power_dbm = total_rss_dbm(record.rssi, record.agc)
+        sample = ChannelSample(
+            peer, record.frame_count, t_mono_ns, record.timestamp_low_us, _by_antenna(record), power_dbm
+        )
+        self._on_sample(sample)
+
+    def _count_losses(self, bfee_count: int, clock_reset: bool) -> None:
+        if self._bfee_count is not None:
+            if clock_reset:
+                self.counters.restarts += 1  # the count says nothing of what was lost between
+            else:
+                self.counters.lost += (bfee_count - self._bfee_count - 1) % 65536
+        self._bfee_count = bfee_count
+
+
+def _by_antenna(record: CsiRecord) -> npt.NDArray[np.complex64]:
+    csi = without_spatial_mapping(record.csi, record.rate)[:, :, 0]
+    if record.n_rx == ANTENNAS:
+        return csi
+    values = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
+    values[:, list(record.antennas)] = csi
+    return values

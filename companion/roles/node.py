@@ -1,0 +1,225 @@
+"""What every role has: the card, the camera, the neighbours, the log. Bytes come in and leave as samples and poses."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+
+from companion.config.schema import Config
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import BookState, Tick
+from companion.core.messages import Pose, pose_bytes
+from companion.core.recorder import Recorder
+from companion.core.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
+from companion.neighbours import wire
+from companion.neighbours.link import Link
+from companion.neighbours.receiver import NeighbourReceiver
+from companion.neighbours.sender import NeighbourSender
+from companion.pose.autopilot import AutopilotPoses
+from companion.pose.intake import PoseIntake
+from companion.pose.reader_process import ReaderProcess
+from companion.radio.card import ChannelSample, Radio
+from companion.radio.opening import macs
+from companion.radio.pinger import Pinger
+from companion.radio.traffic import Traffic
+from companion.roles.health import Health
+from companion.roles.inputs import Inputs, LiveInputs
+from companion.sensing.lookalikes import Lookalikes
+from wsr.displacement import antenna_positions
+
+_POSES_SHOWN_HZ = 50.0
+
+
+class Node:
+    """Opens the inputs of `config` and fans them out. `on_sample` and `on_pose` are called on the event loop.
+
+    Each of `take_csi`, `take_pose`, `take_datagram` and `each_second` handles one event: a replay calls them as the
+    loop does, on `inputs` of a log.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        recorder: Recorder,
+        on_sample: Callable[[ChannelSample], None],
+        on_pose: Callable[[Pose], None],
+        inputs: Inputs | None = None,
+    ) -> None:
+        inputs = inputs or LiveInputs(config)
+        self.config = config
+        self.clock = clock = EventClock.over(clock)
+        self.recorder = recorder
+        self._on_pose = on_pose
+        names = {peer.id: peer.name for peer in config.peers}
+        own_key = inputs.key(config.neighbours.key_file)
+        is_uav = config.role == "uav"
+        self.book = inputs.open_book()
+        self._record_book()
+        role = wire.Role.UAV if is_uav else wire.Role.BEACON
+        self.sender = NeighbourSender(
+            role,
+            config.id,
+            own_key,
+            config.neighbours.pose_rate_hz,
+            self.book.own_boot_id,
+            config.neighbours.budget_bytes_s,
+        )
+        self.receiver = NeighbourReceiver(
+            config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav, on_accepted=self.sender.add_heard
+        )
+        self.lookalikes = Lookalikes(names)
+        self._on_sample = on_sample
+        self._source = inputs.open_csi()
+        self.radio = Radio(self._source, macs(config), clock, self._take_sample, self._record_csi)
+        self._pinger: Pinger | None = inputs.open_pinger(clock)
+        self._link: Link | None = None
+        self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
+        self.intake = PoseIntake(config.pose, clock, self._take_pose)
+        self._poses = inputs.open_poses(clock, self.intake, self.take_pose)
+        self._reader = ReaderProcess(config.pose.reader_command, clock, self.intake.silence_s)
+        self._pose_shown_ns = 0
+
+    async def run(self) -> None:
+        """Reads until cancelled, then closes what it opened."""
+        loop = asyncio.get_running_loop()
+        self._link = link = Link(self.config)
+        readers: list[tuple[int, Callable[[], None]]] = [
+            (link.fileno(), self._drain_link),
+            (self._source.fileno(), self.take_csi),
+        ]
+        if self._pinger is not None:
+            readers += [(self._pinger.fileno(), self._pinger.drain)]
+        for fileno, drain in readers:
+            loop.add_reader(fileno, drain)
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._poses.run(), name="poses")
+                if self.config.pose.reader_command:
+                    tasks.create_task(self._reader.run(), name="pose reader")
+                tasks.create_task(self._broadcast(link), name="broadcast")
+                tasks.create_task(self._report_health(), name="health")
+                if self._pinger is not None:
+                    tasks.create_task(self._pinger.run(), name="ping")
+        finally:
+            for fileno, _ in readers:
+                loop.remove_reader(fileno)
+            link.close()
+            self._source.close()
+            self._poses.close()
+            if self._pinger is not None:
+                self._pinger.close()
+            self.book.close()
+
+    def odometry_sink(self) -> Callable[[Pose], None] | None:
+        """What takes the autopilot's own odometry, where that is the source of poses."""
+        return self._poses.offer if isinstance(self._poses, AutopilotPoses) else None
+
+    def take_csi(self) -> None:
+        """The card has records."""
+        with self.clock.event():
+            self.radio.drain()
+
+    def take_pose(self, pose: Pose) -> None:
+        """The source gives a pose."""
+        with self.clock.event():
+            resets = self._poses.resets.to_bytes(4, "little")
+            self.recorder.record(POSE_IN, pose.t_mono_ns, pose_bytes(pose) + resets)
+            self.intake.take(pose)
+
+    def take_datagram(self, data: bytes) -> None:
+        """A datagram of some robot. What carries a good signature is recorded, taken or not; the rest is only counted:
+        anybody can send it, at any rate."""
+        with self.clock.event() as now_ns:
+            before = self.receiver.authentic
+            self.receiver.take(data)
+            if self.receiver.authentic != before:
+                self.recorder.record(NEIGHBOUR, now_ns, data)
+
+    def each_second(self) -> None:
+        """What is done once a second."""
+        with self.clock.event() as now_ns:
+            self.recorder.record(SECOND, now_ns, Tick(now_ns))
+            for neighbour in self.receiver.neighbours.values():
+                neighbour.relate_uncounted(now_ns)
+
+    def pose_age_s(self) -> float:
+        """Since the newest usable pose; infinite before the first."""
+        return self.intake.age_s()
+
+    def health(self) -> Health:
+        now_ns = self.clock.now_ns()
+        link = asdict(self.receiver.counters) | {
+            "dropped": self.sender.dropped,
+            "thinned": self.sender.thinned,
+            "sent_bytes": self.sender.sent_bytes,
+            "unsent": 0 if self._link is None else self._link.unsent,
+            "boots_unwritten": int(self.book.failed),
+        }
+        return Health(
+            now_ns,
+            asdict(self.radio.counters),
+            asdict(self._source.counters),
+            None if math.isinf(self.pose_age_s()) else self.pose_age_s(),
+            self.intake.report(),
+            link,
+            {n.name: n.health(now_ns) for n in self.receiver.neighbours.values()},
+            self.recorder.counters(),
+            self.radio.antenna_power(),
+            {} if self._pinger is None else self._pinger.health(),
+            self._traffic.bytes_per_s(now_ns),
+            self.lookalikes.pairs(),
+            {"resets": self.radio.nic_clock.resets, "span_s": self.radio.nic_clock.span_s},
+        )
+
+    async def _broadcast(self, link: Link) -> None:
+        period_ns = round(NS_PER_S / self.config.neighbours.rate_hz)
+        while True:
+            await self.clock.sleep_until_ns(self.clock.now_ns() + period_ns)
+            for datagram in self.sender.datagrams(self.clock.now_ns()):
+                link.send(datagram)
+
+    async def _report_health(self) -> None:
+        while True:
+            await self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S)
+            self.each_second()
+            health = self.health()
+            self.recorder.record(HEALTH, health.t_mono_ns, health)
+
+    def _take_pose(self, pose: Pose) -> None:
+        if pose.t_mono_ns - self._pose_shown_ns >= NS_PER_S / _POSES_SHOWN_HZ:
+            self._pose_shown_ns = pose.t_mono_ns
+            self.recorder.record(POSE, pose.t_mono_ns, pose)
+        if self.sender.wants_pose(pose.t_mono_ns):
+            antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
+            self.sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
+        self._on_pose(pose)
+
+    def _take_sample(self, sample: ChannelSample) -> None:
+        self.receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
+        self._on_sample(sample)
+
+    def _drain_link(self) -> None:
+        assert self._link is not None
+        for data in self._link.drain():
+            self.take_datagram(data)
+
+    def _record_book(self) -> None:
+        reached = {str(peer.id): self.book.reached(peer.id) for peer in self.config.peers}
+        with self.clock.event() as now_ns:
+            known = {peer: value for peer, value in reached.items() if value is not None}
+            self.recorder.record(BOOK, now_ns, BookState(now_ns, known))
+
+    def _record_csi(self, t_mono_ns: int, code: int, body: bytes) -> None:
+        self.recorder.record(CSI, t_mono_ns, bytes([code]) + body)
+
+
+def _keys(config: Config, inputs: Inputs) -> dict[int, list[bytes]]:
+    """Every key that is valid, by peer."""
+    return {
+        peer.id: [inputs.key(name) for name in (peer.key_file, peer.next_key_file) if name is not None]
+        for peer in config.peers
+    }

@@ -1,0 +1,4 @@
+"""What may not go wrong, as pure functions: the gate before every set point, the preflight's list, the fault table.
+
+No I/O; `document` writes the parts of docs/safety.md that are made from code.
+"""

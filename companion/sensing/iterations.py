@@ -1,0 +1,156 @@
+"""SAR iterations: cut the apertures of one leg, have them computed, and turn the answers into bearings."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from companion.config.schema import ApertureConfig
+from companion.core.clock import NS_PER_S, Clock
+from companion.core.messages import Vector3
+from companion.neighbours.neighbour import Neighbour
+from companion.sensing.history import History
+from companion.sensing.records import ApertureRecord, Iteration
+from companion.sensing.window import ApertureReport, SarWindow
+from companion.sensing.worker_wire import AoaResult
+from wsr.aperture import Aperture
+
+_LOCAL_CAPACITY = 20 * 120
+
+
+class Worker(Protocol):
+    """Computes apertures; its answers come back through `SarIterations.take`, in any order."""
+
+    ready: asyncio.Event
+    """Set while it waits for apertures."""
+
+    def submit(self, peer: int, aperture: Aperture) -> int:
+        """Takes an aperture and returns the id its answer will carry."""
+
+
+class SarIterations:
+    """Numbers the iterations. `on_aperture` gets what goes to the worker, `on_iteration` what came of it, with its
+    profile (float16 bytes, empty for a refusal)."""
+
+    def __init__(
+        self,
+        window: SarWindow,
+        worker: Worker,
+        neighbours: Mapping[int, Neighbour],
+        config: ApertureConfig,
+        clock: Clock,
+        on_iteration: Callable[[Iteration, bytes], None],
+        pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
+        on_aperture: Callable[[ApertureRecord], None] = lambda aperture: None,
+    ) -> None:
+        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
+        self._window = window
+        self._worker = worker
+        self._neighbours = neighbours
+        self._config = config
+        self._clock = clock
+        self._on_aperture = on_aperture
+        self._on_iteration = on_iteration
+        self._local = History(_LOCAL_CAPACITY, 3)
+        self._pose_problem = pose_problem
+        self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._finished_ns: int | None = None
+        self._number = 0
+        self.start_ns: int | None = None
+
+    def add_local_position(self, t_ns: int, p_local_enu_m: Vector3) -> None:
+        self._local.append(t_ns, p_local_enu_m)
+
+    def begin(self) -> None:
+        """From here on packets belong to the next iteration."""
+        self.start_ns = self._clock.now_ns()
+
+    def finish(self, end_ns: int) -> None:
+        """Cuts the apertures of all neighbours from the beginning to `end_ns` and hands them to the worker."""
+        if self.start_ns is None:
+            return
+        start_ns, self.start_ns = self.start_ns, None
+        self._finished_ns = self._clock.now_ns()
+        spoiled = self._pose_problem(start_ns, end_ns)
+        for neighbour in self._neighbours.values():
+            report = self._window.cut(neighbour, start_ns, end_ns)
+            if spoiled:
+                report = replace(report, aperture=None, refusal=spoiled)
+            number, self._number = self._number, self._number + 1
+            if report.aperture is None:
+                self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
+            else:
+                self._on_aperture(_record_of(number, report, report.aperture))
+                self._pending[self._worker.submit(report.peer, report.aperture)] = number, report
+
+    def path_length_m(self) -> float:
+        """Path of the antenna since `begin`, by the pose source."""
+        return 0.0 if self.start_ns is None else self._window.path_length_m(self.start_ns, self._clock.now_ns())
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the worker waits for apertures."""
+        return self._worker.ready.is_set()
+
+    def waiting_s(self) -> float:
+        """How long results have been waited for; 0 when none are."""
+        if not self._pending or self._finished_ns is None:
+            return 0.0
+        return (self._clock.now_ns() - self._finished_ns) / NS_PER_S
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether results are still to come."""
+        return bool(self._pending)
+
+    def take(self, result: AoaResult) -> None:
+        """An answer of the worker."""
+        number, report = self._pending.pop(result.id)
+        self._on_iteration(self._iteration(number, report, result), result.profile)
+
+    def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
+        reference_ns, peer_p_enu_m = report.end_ns, None
+        if result.estimate is not None:
+            reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
+            peer_p_enu_m = report.peer_at(reference_ns)
+        return Iteration(
+            number,
+            report.peer,
+            report.start_ns,
+            report.end_ns,
+            reference_ns,
+            self._local_position(reference_ns),
+            peer_p_enu_m,
+            report.peer_boot,
+            report.received,
+            report.dropped,
+            result.compute_s,
+            result.estimate,
+            report.refusal or result.refusal,
+            result.informativeness,
+        )
+
+    def _local_position(self, t_ns: int) -> Vector3 | None:
+        times, rows = self._local.between(t_ns, t_ns)
+        if not len(times):
+            return None
+        x, y, z = (float(np.interp(t_ns, times, rows[:, axis])) for axis in range(3))
+        return x, y, z
+
+
+def _record_of(number: int, report: ApertureReport, aperture: Aperture) -> ApertureRecord:
+    return ApertureRecord(
+        number,
+        report.peer,
+        report.start_ns,
+        report.end_ns,
+        aperture.t_s.tobytes(),
+        aperture.chi_m.tobytes(),
+        aperture.channel.tobytes(),
+        aperture.wavelength_m,
+        aperture.reference_p_m,
+    )

@@ -1,0 +1,235 @@
+"""One SAR iteration: forward and reverse channels, joined by exchange, over the displacement of both robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.core.clock import NS_PER_S
+from companion.core.messages import Pose, Vector3
+from companion.neighbours import wire
+from companion.neighbours.clock_relation import card_times, match
+from companion.neighbours.neighbour import Neighbour
+from companion.radio.card import ANTENNAS, ChannelSample
+from companion.sensing.history import History
+from csi_bridge.clock import NicClock
+from csi_bridge.records import SUBCARRIERS
+from wsr.aperture import Aperture, make_aperture
+from wsr.channel import centre_channel, pair_by_counter, strongest_antenna
+from wsr.displacement import antenna_positions, interpolate
+from wsr.errors import ApertureError
+from wsr.reduced import restore_channel
+
+_POSE_CAPACITY = 200 * 60
+_SAMPLE_CAPACITY = 200 * 60
+_NIC_WRAP_US = float(1 << 32)
+_REVERSE_LEAD_NS = NS_PER_S  # a reverse channel may arrive before its forward one is drained
+_REMAP_NS = NS_PER_S  # a packet's time may move by so much while the relation of the clocks is young
+_WEAK_COUNTS = 1.0  # CSI parts are whole numbers: below one count there is quantisation and no signal
+_NO_FRAME = -1
+_FRAME, _NIC, _T = 0, 1, 2
+
+Times = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class ApertureReport:
+    """What one SAR iteration gathered from one peer: an aperture, or the reason why there is none."""
+
+    peer: int
+    start_ns: int
+    end_ns: int
+    aperture: Aperture | None
+    refusal: str
+    received: int
+    """Forward packets heard in the time of the aperture."""
+    dropped: Mapping[str, int]
+    """Packets left out, per reason."""
+    peer_t_s: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    """Times (M,) of the aperture's packets from `start_ns`, rising."""
+    peer_p_m: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Where the peer's antenna was then, (M, 3), in its own frame with North-aligned axes."""
+    peer_boot: int = 0
+
+    def peer_at(self, t_ns: int) -> Vector3:
+        """Where the peer's antenna was at a time [ns] within the aperture, in its own frame."""
+        t_s = (t_ns - self.start_ns) / NS_PER_S
+        x, y, z = (float(np.interp(t_s, self.peer_t_s, self.peer_p_m[:, axis])) for axis in range(3))
+        return x, y, z
+
+
+class _Heard:
+    """Packets of one peer: counter, NIC stamp and time, and their channels in counts of the card (half precision keeps
+    its whole numbers exactly). Rows are ordered by when they were read."""
+
+    def __init__(self) -> None:
+        self.stamps = History(_SAMPLE_CAPACITY, 3)
+        self.csi = History(_SAMPLE_CAPACITY, SUBCARRIERS * ANTENNAS * 2, np.float16)
+
+    def add(self, sample: ChannelSample) -> None:
+        newest = self.stamps.newest_ns
+        # The mapped times of a young clock relation may step back a little.
+        key_ns = sample.t_mono_ns if newest is None else max(newest, sample.t_mono_ns)
+        self.stamps.append(
+            key_ns, (_NO_FRAME if sample.frame is None else sample.frame, sample.nic_us, sample.t_mono_ns)
+        )
+        self.csi.append(key_ns, np.ascontiguousarray(sample.csi).view(np.float32).ravel())
+
+
+class SarWindow:
+    """Keeps what the radio and the camera deliver and cuts apertures out of it.
+
+    With `nic_clock`, the card's own, the times of all packets are taken anew when an aperture is cut, since the
+    relation of the clocks is known better then.
+    """
+
+    def __init__(self, antenna_m: Vector3, wavelength_m: float, min_packets: int, max_pose_gap_s: float) -> None:
+        self._antenna_m = antenna_m
+        self._wavelength_m = wavelength_m
+        self._min_packets = min_packets
+        self._max_pose_gap_s = max_pose_gap_s
+        self._poses = History(_POSE_CAPACITY, 7)
+        self._heard: dict[int, _Heard] = {}
+        self.nic_clock: NicClock | None = None
+
+    def add_pose(self, pose: Pose) -> None:
+        """A pose of our own body; the aperture is made of where that puts the antenna."""
+        self._poses.append(pose.t_mono_ns, (*pose.p_enu_m, *pose.q_enu_from_body))
+
+    def add_sample(self, sample: ChannelSample) -> None:
+        if sample.peer not in self._heard:
+            self._heard[sample.peer] = _Heard()
+        self._heard[sample.peer].add(sample)
+
+    def path_length_m(self, start_ns: int, end_ns: int) -> float:
+        """Length of the antenna's path, sampled at 20 Hz so that pose jitter does not count as motion."""
+        t_ns, p_m = self._antenna(start_ns, end_ns)
+        if len(t_ns) < 2:
+            return 0.0
+        at = np.arange(t_ns[0], t_ns[-1], NS_PER_S // 20)
+        coarse = np.stack([np.interp(at, t_ns, p_m[:, axis]) for axis in range(3)], axis=1)
+        return float(np.linalg.norm(np.diff(coarse, axis=0), axis=1).sum())
+
+    def cut(self, neighbour: Neighbour, start_ns: int, end_ns: int) -> ApertureReport:
+        """The aperture of the packets that `neighbour` sent between two times [ns]. Never raises for bad data: a
+        refusal is part of the report."""
+        forward = self._forward(neighbour.id, start_ns, end_ns)
+        dropped: dict[str, int] = {}
+        try:
+            aperture, peer_p_m = self._join(neighbour, forward, start_ns, dropped)
+        except ApertureError as error:
+            return ApertureReport(neighbour.id, start_ns, end_ns, None, str(error), len(forward.t_ns), dropped)
+        assert neighbour.session.boot_id is not None
+        return ApertureReport(
+            neighbour.id, start_ns, end_ns, aperture, "", len(forward.t_ns), dropped,
+            aperture.t_s, peer_p_m, neighbour.session.boot_id,
+        )  # fmt: skip
+
+    def _antenna(self, start_ns: int, end_ns: int) -> tuple[Times, npt.NDArray[np.float64]]:
+        """Times (N,) [ns] and positions (N, 3) of our antenna."""
+        t_ns, rows = self._poses.between(start_ns, end_ns)
+        return t_ns, antenna_positions(rows[:, :3], rows[:, 3:], self._antenna_m)
+
+    def _forward(self, peer: int, start_ns: int, end_ns: int) -> _Forward:
+        heard = self._heard.get(peer)
+        if heard is None:
+            return _Forward(*(np.zeros(0, np.int64),) * 3, np.zeros((0, SUBCARRIERS, ANTENNAS), np.complex64))
+        margin = (start_ns - _REMAP_NS, end_ns + _REMAP_NS)
+        _, stamps = heard.stamps.between(*margin)
+        _, parts = heard.csi.between(*margin)
+        t_ns = self._times(stamps)
+        inside = (t_ns >= start_ns) & (t_ns <= end_ns)
+        csi = parts[inside].astype(np.float32).view(np.complex64).reshape(-1, SUBCARRIERS, ANTENNAS)
+        return _Forward(
+            t_ns[inside], stamps[inside, _FRAME].astype(np.int64), stamps[inside, _NIC].astype(np.int64), csi
+        )
+
+    def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
+        t_ns = stamps[:, _T].astype(np.int64)
+        if self.nic_clock is None or not len(t_ns):
+            return t_ns
+        again_ns = self.nic_clock.host_ns(stamps[:, _NIC].astype(np.uint32))
+        # Those before a reset of the card's clock keep the time they had.
+        return np.where(np.abs(again_ns - t_ns) < _REMAP_NS // 2, again_ns, t_ns)
+
+    def _join(
+        self, neighbour: Neighbour, forward: _Forward, start_ns: int, dropped: dict[str, int]
+    ) -> tuple[Aperture, npt.NDArray[np.float64]]:
+        """The aperture and the peer's positions (M, 3) at its packets. Raises ApertureError."""
+        if not len(forward.t_ns):
+            raise ApertureError(f"no packets of {neighbour.name} were heard")
+        reverse = neighbour.channels_since(start_ns - _REVERSE_LEAD_NS)
+        usable = np.flatnonzero(reverse.antenna == _most_common(reverse.antenna))
+        if neighbour.counted:
+            i, j = pair_by_counter(forward.frame.astype(np.uint32), reverse.frame[usable])
+        else:
+            i, j = _pair_by_time(neighbour, forward, reverse, usable)
+        dropped["unpaired"] = len(forward.t_ns) - len(i)
+        if not len(i):
+            raise ApertureError(f"none of the {len(forward.t_ns)} packets of {neighbour.name} has its reverse channel")
+        j = usable[j]
+        ours = forward.csi[i, :, strongest_antenna(forward.csi)]
+        theirs = restore_channel(reverse.coefficients[j], reverse.scale[j])
+        centre_ours, centre_theirs = centre_channel(ours), centre_channel(theirs)
+        stamps_us = np.stack([forward.nic_us[i], reverse.nic_us[j]], axis=1).astype(np.float64)
+        nic_us = np.unwrap(stamps_us, axis=0, period=_NIC_WRAP_US)
+
+        t_s = (forward.t_ns[i] - start_ns) / NS_PER_S
+        own_t_ns, own_p_m = self._antenna(int(forward.t_ns.min()), int(forward.t_ns.max()))
+        p_i_m, own_valid = interpolate(t_s, (own_t_ns - start_ns) / NS_PER_S, own_p_m, self._max_pose_gap_s)
+        # The neighbour's poses and channels carry its own clock: joined here by the exchange, with no clock relation.
+        their_t_ns, their_p_m = neighbour.poses()
+        base_ns = int(their_t_ns[0]) if len(their_t_ns) else 0
+        p_j_m, their_valid = interpolate(
+            (reverse.t_ns[j] - base_ns) / NS_PER_S,
+            (their_t_ns - base_ns) / NS_PER_S,
+            their_p_m,
+            4 * self._max_pose_gap_s,
+        )
+        strong = (np.abs(centre_ours) >= _WEAK_COUNTS) & (np.abs(centre_theirs) >= _WEAK_COUNTS)
+        dropped["weak"] = int(np.count_nonzero(~strong))
+        dropped["no own pose"] = int(np.count_nonzero(strong & ~own_valid))
+        dropped["no neighbour pose"] = int(np.count_nonzero(strong & own_valid & ~their_valid))
+        keep = strong & own_valid & their_valid
+        aperture = make_aperture(
+            t_s[keep],
+            p_i_m[keep],
+            (centre_ours * centre_theirs)[keep],
+            self._wavelength_m,
+            p_j_m=p_j_m[keep],
+            min_packets=self._min_packets,
+            forward=ours[keep],
+            reverse=theirs[keep],
+            nic_us=nic_us[keep],
+        )
+        return aperture, p_j_m[keep][np.argsort(t_s[keep], kind="stable")]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Forward:
+    """Packets of a neighbour within an aperture: times (N,) [ns], counters, stamps [us], csi (N, 30, 3)."""
+
+    t_ns: Times
+    frame: Times
+    nic_us: Times
+    csi: npt.NDArray[np.complex64]
+
+
+def _pair_by_time(
+    neighbour: Neighbour, forward: _Forward, reverse: wire.CsiBatch, usable: npt.NDArray[np.intp]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    ours_ns = card_times(forward.nic_us, forward.t_ns)
+    theirs_ns = card_times(reverse.nic_us[usable].astype(np.int64), reverse.t_ns[usable])
+    lag_ns = neighbour.relation.lag_ns(ours_ns, theirs_ns)
+    if lag_ns is None:
+        raise ApertureError(
+            f"the packets of {neighbour.name} have no counters, and no lag between both series of times stands out"
+        )
+    return match(ours_ns, theirs_ns, lag_ns)
+
+
+def _most_common(antenna: npt.NDArray[np.uint8]) -> int:
+    return int(np.bincount(antenna).argmax()) if len(antenna) else 0

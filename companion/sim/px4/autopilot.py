@@ -1,0 +1,276 @@
+"""A mock PX4 on loopback UDP: `python -m companion.sim.px4.autopilot --connect 127.0.0.1:14540`.
+
+Like PX4's onboard link it sends to the companion's listening port and takes what comes back. With `--truth` it reports
+the true state to the world simulator, with `--control` it takes orders from a test, one text datagram each, and
+answers with a `Px4Report`:
+
+    report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
+    battery FRACTION | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS... | estimator healthy/unhealthy
+    say TEXT | reboot | forget gaps
+"""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import signal
+import socket
+import struct
+import time
+from pathlib import Path
+
+import click
+
+from companion.host.unix_datagram import bind_datagram_socket
+from companion.sim import truth
+from companion.sim.px4 import report
+from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
+from companion.sim.px4.commander import DEFAULT_PARAMETERS, NS_PER_S, Commander, Mode
+from companion.sim.px4.link import Px4Link
+
+_SO_TIMESTAMPNS = 35  # socket(7)
+_TIMESPEC = struct.Struct("qq")
+_ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
+_TRUTH_PERIOD_NS = NS_PER_S // 100
+
+
+class Px4:
+    """The mock without sockets: commander and link under one clock."""
+
+    def __init__(
+        self,
+        now_ns: int,
+        seed: int | None = None,
+        yaw_enu_rad: float = 0.0,
+        parameters: dict[str, int | float] | None = None,
+    ) -> None:
+        gusts = None if seed is None else Gusts(seed)
+        self.commander = Commander(Airframe(AirframeLimits(), yaw_enu_rad, gusts), now_ns, parameters)
+        self.link = Px4Link(self.commander, now_ns)
+
+    def step(self, now_ns: int) -> list[bytes]:
+        """Move time on; the datagrams to send."""
+        self.commander.step(now_ns)
+        return self.link.telemetry(now_ns)
+
+    def truth(self, now_ns: int) -> truth.VehicleTruth:
+        commander, airframe = self.commander, self.commander.airframe
+        return truth.VehicleTruth(
+            t_mono_ns=now_ns,
+            p_enu_m=airframe.p_enu_m,
+            v_enu_m_s=airframe.v_enu_m_s,
+            yaw_enu_rad=airframe.yaw_enu_rad,
+            mode=commander.mode.name,
+            armed=commander.armed,
+            setpoints=commander.stream.received,
+            setpoints_in_offboard=commander.stream.in_offboard,
+            offboard_s=commander.offboard_s,
+        )
+
+    def report(self, now_ns: int, error: str | None = None) -> report.Px4Report:
+        commander, link, state = self.commander, self.link, self.truth(now_ns)
+        return report.Px4Report(
+            t_mono_ns=now_ns,
+            mode=state.mode,
+            armed=state.armed,
+            landed=commander.landed,
+            failsafe=commander.failsafe,
+            p_enu_m=state.p_enu_m,
+            v_enu_m_s=state.v_enu_m_s,
+            yaw_enu_rad=state.yaw_enu_rad,
+            setpoints=state.setpoints,
+            setpoints_in_offboard=state.setpoints_in_offboard,
+            setpoints_outside=state.setpoints - state.setpoints_in_offboard,
+            last_setpoint_mono_ns=commander.stream.last_ns,
+            largest_gap_s=commander.stream.largest_gap_s,
+            offboard_s=commander.offboard_s,
+            peer_heartbeats=link.peer_heartbeats,
+            timesync_answers=link.timesync_answers,
+            onboard_statuses=link.onboard_statuses,
+            vision=link.visions,
+            vision_age_s=link.vision_age_s,
+            vision_p_enu_m=None if link.vision is None else (link.vision.y, link.vision.x, -link.vision.z),
+            vision_reset_counter=None if link.vision is None else link.vision.reset_counter,
+            received=dict(link.received),
+            parameters={name: float(value) for name, value in commander.parameters.items()},
+            history=[(t_ns, mode.name) for t_ns, mode in commander.history],
+            error=error,
+        )
+
+    def order(self, text: str) -> str | None:
+        """Carry out a test's order; why it was not understood, or None."""
+        try:
+            self._carry_out(text.split())
+        except (ValueError, KeyError, IndexError) as error:
+            return f"order {text!r}: {type(error).__name__}: {error}; see companion.sim.px4.autopilot for the words"
+        return None
+
+    def _carry_out(self, words: list[str]) -> None:
+        match words:
+            case ["report"]:
+                pass
+            case ["pilot", mode]:
+                self.commander.pilot_mode(Mode[mode.upper()])
+            case ["sticks", east, north, up]:
+                self.commander.sticks((float(east), float(north), float(up)))
+            case ["mute", "nothing" | "heartbeats" | "everything" as what]:
+                self.link.mute = what
+            case ["offboard", "accept" | "refuse" | "silent" as reply]:
+                self.commander.refuse_offboard = reply == "refuse"
+                self.link.ignore_mode_commands = reply == "silent"
+            case ["battery", fraction]:
+                self.link.battery_remaining = float(fraction)
+            case ["parameter", name, value]:
+                self.commander.parameters[name] = parameter_value(name, value)
+            case ["parameters", "heard" | "silent" as reply]:
+                self.link.ignore_parameter_requests = reply == "silent"
+            case ["rc", *channels]:
+                self.link.rc_us = [int(channel) for channel in channels]
+            case ["estimator", "healthy" | "unhealthy" as health]:
+                self.link.estimator_healthy = health == "healthy"
+            case ["say", *text]:
+                self.link.say(" ".join(text))
+            case ["forget", "gaps"]:
+                self.commander.stream.largest_gap_s = 0.0
+            case ["reboot"]:
+                self.link.reboot()
+            case _:
+                raise ValueError("unknown")
+
+
+class Runner:
+    """Turns `Px4` with the host's monotonic clock on real sockets until `stop`."""
+
+    def __init__(self, px4: Px4, connect: tuple[str, int], rate_hz: float, truth: Path | None, control: Path | None):
+        self._px4 = px4
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._truth_path = truth
+        self._truth = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._truth.setblocking(False)
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._udp.setblocking(False)
+        self._udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._udp.connect(connect)
+        self._control_path = control
+        self._control = bind_datagram_socket(control) if control is not None else None
+        self._stopped = False
+
+    def stop(self) -> None:
+        self._stopped = True
+
+    def run(self) -> None:
+        tick_ns = truth_ns = time.monotonic_ns()
+        sockets = [self._udp] + ([self._control] if self._control is not None else [])
+        while not self._stopped:
+            now_ns = time.monotonic_ns()
+            if now_ns >= tick_ns:
+                tick_ns = max(tick_ns + self._period_ns, now_ns - 5 * self._period_ns)
+                self._send(self._px4.step(now_ns))
+            if now_ns >= truth_ns:
+                truth_ns = max(truth_ns + _TRUTH_PERIOD_NS, now_ns)
+                self._send_truth(now_ns)
+            readable, _, _ = select.select(sockets, [], [], max(0, tick_ns - time.monotonic_ns()) / NS_PER_S)
+            if self._udp in readable:
+                self._receive()
+            if self._control in readable:
+                self._answer()
+
+    def close(self) -> None:
+        self._udp.close()
+        self._truth.close()
+        if self._control is not None and self._control_path is not None:
+            self._control.close()
+            self._control_path.unlink(missing_ok=True)
+
+    def _send(self, datagrams: list[bytes]) -> None:
+        for datagram in datagrams:
+            # Nobody listens yet, or no longer: an autopilot sends on regardless.
+            with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
+                self._udp.send(datagram)
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                datagram, ancillary, _, _ = self._udp.recvmsg(2048, _ANCILLARY_BYTES)
+            except ConnectionRefusedError:
+                continue
+            except BlockingIOError:
+                return
+            self._send(self._px4.link.receive(datagram, _arrival_ns(ancillary)))
+
+    def _send_truth(self, now_ns: int) -> None:
+        if self._truth_path is None:
+            return
+        with contextlib.suppress(FileNotFoundError, ConnectionRefusedError, BlockingIOError):
+            self._truth.sendto(truth.encode(self._px4.truth(now_ns)), str(self._truth_path))
+
+    def _answer(self) -> None:
+        assert self._control is not None
+        datagram, sender = self._control.recvfrom(1024)
+        error = self._px4.order(datagram.decode(errors="replace"))
+        answer = report.encode(self._px4.report(time.monotonic_ns(), error))
+        with contextlib.suppress(FileNotFoundError, ConnectionRefusedError, BlockingIOError):
+            if sender:  # a sender without a name of its own wants no answer
+                self._control.sendto(answer, sender)
+
+
+def _arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
+    """When the kernel took the datagram: a mock that waits for a processor must not count its own delay as a gap."""
+    now_ns = time.monotonic_ns()
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) == _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            age_ns = time.time_ns() - (seconds * NS_PER_S + nanoseconds)
+            return now_ns - int(min(max(0, age_ns), NS_PER_S))
+    return now_ns
+
+
+def parameter_value(name: str, text: str) -> int | float:
+    """A parameter in the type PX4 has it in. Raises KeyError for a name the mock does not have, ValueError."""
+    return int(text) if isinstance(DEFAULT_PARAMETERS[name], int) else float(text)
+
+
+def _address(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, int]:
+    host, _, port = value.rpartition(":")
+    if not host or not port.isdecimal():
+        raise click.BadParameter(f"{value!r}: expected HOST:PORT, for example 127.0.0.1:14540")
+    return host, int(port)
+
+
+def _parameters(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int | float]:
+    try:
+        return {name: parameter_value(name, text) for name, _, text in (v.partition("=") for v in values)}
+    except (KeyError, ValueError) as error:
+        raise click.BadParameter(f"{error}: expected NAME=VALUE with one of {', '.join(DEFAULT_PARAMETERS)}") from None
+
+
+@click.command()
+@click.option("--connect", required=True, callback=_address, metavar="HOST:PORT", help="the companion's UDP port")
+@click.option("--truth", "truth_path", type=click.Path(path_type=Path), help="unix datagram socket of the world")
+@click.option("--control", type=click.Path(path_type=Path), help="unix datagram socket to take a test's orders on")
+@click.option("--rate", default=250.0, show_default=True, help="steps per second")
+@click.option("--seed", type=int, help="gusts and estimator error; without it the air is still")
+@click.option("--yaw", "yaw_enu_rad", default=0.0, help="start yaw, counter-clockwise from East [rad]")
+@click.option("--param", "parameters", multiple=True, callback=_parameters, help="a parameter, NAME=VALUE")
+def main(
+    connect: tuple[str, int],
+    truth_path: Path | None,
+    control: Path | None,
+    rate: float,
+    seed: int | None,
+    yaw_enu_rad: float,
+    parameters: dict[str, int | float],
+) -> None:
+    """A mock PX4 for simulation and tests."""
+    px4 = Px4(time.monotonic_ns(), seed, yaw_enu_rad, parameters)
+    runner = Runner(px4, connect, rate, truth_path, control)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: runner.stop())
+    try:
+        runner.run()
+    finally:
+        runner.close()
+
+
+if __name__ == "__main__":
+    main()

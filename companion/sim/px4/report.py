@@ -1,0 +1,54 @@
+"""What the mock tells a test that asks: one msgpack datagram."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import msgspec
+
+from companion.core.messages import Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Report:
+    """The mock's state and its counters. Times are CLOCK_MONOTONIC, shared by all processes of the host."""
+
+    t_mono_ns: int
+    mode: str
+    armed: bool
+    landed: bool
+    failsafe: bool
+    p_enu_m: Vector3
+    v_enu_m_s: Vector3
+    yaw_enu_rad: float
+    setpoints: int
+    setpoints_in_offboard: int
+    setpoints_outside: int
+    last_setpoint_mono_ns: int | None
+    largest_gap_s: float
+    """Between two set points within one stay in OFFBOARD."""
+    offboard_s: float
+    peer_heartbeats: int
+    timesync_answers: int
+    history: list[tuple[int, str]]
+    """When each mode began; the newest 200."""
+    onboard_statuses: int = 0
+    vision: int = 0
+    """ODOMETRY messages taken."""
+    vision_age_s: float | None = None
+    """Of the newest one when it arrived, by the clock with which the companion answers TIMESYNC."""
+    vision_p_enu_m: Vector3 | None = None
+    vision_reset_counter: int | None = None
+    received: dict[str, int] = field(default_factory=dict)
+    """How much came of each message, and of each command under its number, as in "COMMAND_LONG 511"."""
+    parameters: dict[str, float] = field(default_factory=dict)
+    error: str | None = None
+    """Why the order was not understood; None when it was."""
+
+
+def encode(report: Px4Report) -> bytes:
+    return msgspec.msgpack.encode(report)
+
+
+def decode(datagram: bytes) -> Px4Report:
+    return msgspec.msgpack.decode(datagram, type=Px4Report)

@@ -1,0 +1,189 @@
+"""Which files belong to a run, and trajectories in the frame of the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.analysis.runs import RecordingError, find_runs, loose_run, read_truth
+from companion.analysis.trajectories import PoseKind, TrajectoryError, read_trajectory
+from tests.csi_records import needs_data
+from tests.paths import DATA
+
+
+def test_runs_of_several_folders_are_found_by_their_stamps(tmp_path: Path) -> None:
+    for name in (
+        "set/a/csi_rx_2021-06-27_203220.dat",
+        "set/a/csi_tx2_2021-06-27_203220.dat",
+        "set/a/csi_tx10_2021-06-27_203220.dat",
+        "set/a/csi_tx3_2021-06-27_204108.dat",
+        "set/a/rx_trajectory_2021-06-27_203220_.csv",
+        "set/a/t265_rx_trajectory_2021-06-27_203220_.csv",
+        "set/a/groundtruth_positions.json",
+        "set/b_csi/csi_rx_2021-03-03_212019.dat",
+        "set/b_traj/t265_rx_trajectory2021-03-03_212019.csv",
+        "set/b_traj/rx_trajectory_2021-03-03_212019_.csv",
+        "set/b_traj/rx_trajectory_2021-03-03_212146_.csv",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    first, second, third = find_runs(tmp_path)
+    assert (first.stamp, first.title) == ("2021-06-27_203220", "set/a 2021-06-27_203220")
+    assert sorted(first.tx) == ["tx10", "tx2"]
+    assert sorted(first.trajectories) == [PoseKind.MOCAP, PoseKind.T265]
+    assert first.truth == tmp_path / "set/a/groundtruth_positions.json"
+    assert (second.rx, sorted(second.tx)) == (None, ["tx3"])
+    assert {kind: path.name for kind, path in third.trajectories.items()} == {
+        PoseKind.T265: "t265_rx_trajectory2021-03-03_212019.csv",
+        PoseKind.MOCAP: "rx_trajectory_2021-03-03_212019_.csv",
+    }
+    assert third.truth is None
+
+
+@needs_data
+def test_the_data_sets_are_complete_but_for_what_is_known() -> None:
+    runs = find_runs(DATA)
+    assert len(runs) == 33
+    assert all(run.rx and run.truth and PoseKind.MOCAP in run.trajectories for run in runs)
+    assert [run.stamp for run in runs if PoseKind.ODOM not in run.trajectories] == [
+        "2021-03-03_212019",
+        "2021-03-03_212146",
+        "2021-03-03_212243",
+        "2021-06-28_155827",
+        "2021-06-28_160046",
+    ]
+
+
+@needs_data
+def test_absent_transmitters_have_no_true_position() -> None:
+    truth = read_truth(DATA / "wsr_3d/3D_1_RX_2_TX_formation_2/groundtruth_positions.json")
+    assert truth.channel == 108
+    assert sorted(truth.transmitters) == ["tx1", "tx3"]
+    assert truth.transmitters["tx1"] == pytest.approx([0.0111, 2.5017, 0.3285], abs=1e-4)
+
+
+def test_loose_files_are_named_by_their_file_names() -> None:
+    run = loose_run(Path("a/csi_rx_x.dat"), (Path("csi_tx2_x.dat"), Path("other.dat")), Path("odom_x.csv"))
+    assert sorted(run.tx) == ["other", "tx2"]
+    assert list(run.trajectories) == [PoseKind.ODOM]
+    with pytest.raises(RecordingError, match="two files of one transmitter"):
+        loose_run(Path("r"), (Path("tx2_a.dat"), Path("tx2_b.dat")), Path("t.csv"))
+
+
+def rows(path: Path, lines: list[str]) -> Path:
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "t_s"),
+    [
+        ("1624840301.985819,0.000000,{},2,3,", 1624840301.985819),
+        ("1624840302.0,21555063.0,{},2,3", 1624840302.021555063),
+    ],
+)
+def test_both_ways_to_write_a_time(tmp_path: Path, line: str, t_s: float) -> None:
+    path = rows(tmp_path / "t.csv", [line.format(1), line.format(1.5).replace("162484030", "162484040")])
+    trajectory = read_trajectory(path, PoseKind.MOCAP)
+    assert trajectory.t_s == pytest.approx([t_s, t_s + 100.0], abs=1e-6)
+    assert trajectory.p_enu_m.tolist() == [[1, 2, 3], [1.5, 2, 3]]
+    assert trajectory.q_wxyz is None
+
+
+def test_odometry_is_turned_back_by_its_start_yaw_and_t265_is_not(tmp_path: Path) -> None:
+    half = np.radians(40.0) / 2
+    turned = f"{np.sin(half):.9f},{np.cos(half):.9f}"
+    ahead = f"{np.cos(2 * half):.9f},{np.sin(2 * half):.9f}"
+    path = rows(tmp_path / "o.csv", [f"1,0,5,6,0,0,0,{turned}", f"2,0,{ahead},0,0,0,{turned}"])
+    odometry = read_trajectory(path, PoseKind.ODOM)
+    assert odometry.q_wxyz == pytest.approx(np.tile([1.0, 0, 0, 0], (2, 1)), abs=1e-6)
+    start = np.array([5, 6, 0])
+    # Driving straight ahead of the start pose is driving along x.
+    assert odometry.p_enu_m[1] == pytest.approx([1, 0, 0], abs=1e-6)
+    assert np.linalg.norm(odometry.p_enu_m[0]) == pytest.approx(float(np.linalg.norm(start)))
+    assert read_trajectory(path, PoseKind.T265).p_enu_m[0].tolist() == [5, 6, 0]
+
+
+def test_jumps_are_counted_and_lost_poses_left_out(tmp_path: Path) -> None:
+    lines = [f"{n / 100},0,{x},0,0" for n, x in enumerate([0, 0.01, "nan", 0.02, 1.02, 1.03])]
+    trajectory = read_trajectory(rows(tmp_path / "t.csv", lines), PoseKind.MOCAP)
+    assert len(trajectory.t_s) == 5
+    assert [problem.split(": ")[1] for problem in trajectory.problems] == [
+        "1 jumps of more than 0.1 m; the tracker lost itself"
+    ]
+
+
+def test_odometry_without_attitude_is_refused(tmp_path: Path) -> None:
+    path = rows(tmp_path / "odom.csv", ["1,0,0,0,0", "2,0,1,0,0"])
+    with pytest.raises(TrajectoryError, match=r"odom\.csv: odometry without attitude"):
+        read_trajectory(path, PoseKind.ODOM)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("Infinity", "channel.value is inf"),
+        ("NaN", "channel.value is nan"),
+        ("1e400", "channel.value is inf"),
+        ("1" + "0" * 400, "too large"),
+        ("108.5", "not a whole number"),
+        ("[]", "channel.value"),
+    ],
+)
+def test_a_channel_that_is_no_number_is_refused(tmp_path: Path, value: str, reason: str) -> None:
+    path = tmp_path / "truth.json"
+    path.write_text('{"channel": {"value": VALUE}, "true_tx_positions": {"value": {}}}'.replace("VALUE", value))
+    with pytest.raises(RecordingError, match=rf"truth\.json: .*{reason}"):
+        read_truth(path)
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity", "-1e400", "1e155"])
+def test_a_true_position_that_is_no_place_is_refused(tmp_path: Path, value: str) -> None:
+    path = tmp_path / "truth.json"
+    places = '{"tx3": {"position": {"x": 1, "y": VALUE, "z": 0}}}'.replace("VALUE", value)
+    path.write_text('{"channel": {"value": 108}, "true_tx_positions": {"value": PLACES}}'.replace("PLACES", places))
+    with pytest.raises(RecordingError, match=r"truth\.json: position of tx3 is \[1\.0, .*expected metres"):
+        read_truth(path)
+
+
+@pytest.mark.parametrize("value", ["1e155", "-100001", "1e308"])
+def test_a_position_beyond_all_places_is_refused(tmp_path: Path, value: str) -> None:
+    path = rows(tmp_path / "t.csv", ["1,0,99999,0,0", f"2,0,1,{value},0"])
+    with pytest.raises(TrajectoryError, match=r"t\.csv: line 2 is .* m away"):
+        read_trajectory(path, PoseKind.MOCAP)
+
+
+def test_only_columns_at_the_end_may_be_empty(tmp_path: Path) -> None:
+    path = rows(tmp_path / "t.csv", ["1,0,1,2,3, ,", "2,0,2,2,3,,"])
+    assert read_trajectory(path, PoseKind.MOCAP).p_enu_m.tolist() == [[1, 2, 3], [2, 2, 3]]
+    # Shifted, the quaternion's first number would be the height.
+    rows(path, ["1,0,1,2,3,0,0,0,1", "2,0,1,,3,0,0,0,1"])
+    with pytest.raises(TrajectoryError, match=r"t\.csv: line 2 has nothing in column 4"):
+        read_trajectory(path, PoseKind.MOCAP)
+
+
+def test_a_last_line_that_is_cut_off_is_left_out_and_reported(tmp_path: Path) -> None:
+    whole = "".join(f"{n},0,{n / 100:.4f},0.1234,0.5678,\n" for n in range(4))
+    for cut in (3, 12, 20):
+        path = tmp_path / "t.csv"
+        path.write_text(whole[:-cut])
+        trajectory = read_trajectory(path, PoseKind.MOCAP)
+        assert trajectory.p_enu_m[:, 2].tolist() == [0.5678] * 3
+        assert len(trajectory.problems) == 1 and "last line, 4, is cut off" in trajectory.problems[0]
+    path.write_text(whole + "  ")
+    assert read_trajectory(path, PoseKind.MOCAP).problems == ()
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_headings_comments_and_a_byte_order_mark_are_passed_over(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / "t.csv"
+    lines = ["# of run 1", "sec,nsec,x [m],y [m],z [m],", "1,0,1,2,3,", "", " # lost", "2,0,2,2,3,", ""]
+    path.write_bytes(("\ufeff" + ending.join(lines)).encode())
+    trajectory = read_trajectory(path, PoseKind.MOCAP)
+    assert trajectory.p_enu_m.tolist() == [[1, 2, 3], [2, 2, 3]]
+    assert trajectory.problems == ()
+    rows(path, ["sec,nsec,x,y,z", "sec,nsec,x,y,z", "1,0,1,2,3"])
+    with pytest.raises(TrajectoryError, match="line 2 is no row of numbers"):
+        read_trajectory(path, PoseKind.MOCAP)

@@ -1,0 +1,125 @@
+"""What the edge makes of MAVLink messages as the library decodes them."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from typing import Any
+
+import pytest
+
+from companion.autopilot.px4_modes import flight_mode
+from companion.autopilot.telemetry import Telemetry
+from companion.core.messages import FlightMode
+
+_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4}
+_POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3}
+
+
+class _Bench:
+    def __init__(self) -> None:
+        self.now_ns = 1000
+        self.telemetry = Telemetry(lambda: self.now_ns)
+
+    def take(self, name: str, fields: object, component_id: int = 1) -> None:
+        self.telemetry.take(name, component_id, json.dumps(fields))
+
+
+@pytest.fixture
+def bench() -> _Bench:
+    return _Bench()
+
+
+def test_position_turns_from_ned_to_enu(bench: _Bench) -> None:
+    bench.take("LOCAL_POSITION_NED", _POSITION)
+    state = bench.telemetry.state()
+    assert state.p_local_enu_m == (2.0, 1.0, 3.0)
+    assert state.v_local_enu_m_s == (0.2, 0.1, 0.3)
+    bench.take("ATTITUDE", {"yaw": math.radians(30)})
+    assert bench.telemetry.state().yaw_enu_rad == pytest.approx(math.radians(60))
+
+
+def test_ages_are_those_of_arrival(bench: _Bench) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT)
+    bench.now_ns = 2000
+    bench.take("CURRENT_MODE", {"custom_mode": 3 << 16})
+    bench.now_ns = 9000
+    state = bench.telemetry.state()
+    assert (state.heartbeat_mono_ns, state.mode_mono_ns, state.t_mono_ns) == (1000, 2000, 9000)
+    assert state.mode is FlightMode.MANUAL and state.armed and not state.failsafe
+
+
+def test_failsafe_landed_state_and_battery(bench: _Bench) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT | {"system_status": 5, "base_mode": 1})
+    assert bench.telemetry.state().failsafe and not bench.telemetry.state().armed
+    for landed_state, in_air in [(0, False), (1, False), (2, True), (3, True), (4, True)]:
+        bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
+        assert bench.telemetry.state().in_air is in_air
+    bench.take("BATTERY_STATUS", {"battery_remaining": 42})
+    assert bench.telemetry.state().battery_remaining == 0.42
+    bench.take("BATTERY_STATUS", {"battery_remaining": -1})
+    assert bench.telemetry.state().battery_remaining is None
+
+
+def test_other_components_of_the_vehicle_are_not_the_autopilot(bench: _Bench) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT, component_id=100)
+    assert bench.telemetry.state().heartbeat_mono_ns is None
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("LOCAL_POSITION_NED", _POSITION | {"x": None}),
+        ("LOCAL_POSITION_NED", _POSITION | {"vz": "fast"}),
+        ("LOCAL_POSITION_NED", {"x": 1.0}),
+        ("LOCAL_POSITION_NED", [1, 2, 3]),
+        ("ATTITUDE", {"yaw": math.inf}),
+        ("HEARTBEAT", {"custom_mode": None}),
+        ("NO_SUCH", {}),
+    ],
+)
+def test_what_does_not_fit_is_counted_and_changes_nothing(bench: _Bench, name: str, fields: object) -> None:
+    bench.take("LOCAL_POSITION_NED", _POSITION)
+    before = bench.telemetry.state()
+    bench.now_ns = 5000
+    bench.take(name, fields)
+    assert bench.telemetry.malformed == 1
+    bench.now_ns = before.t_mono_ns
+    assert bench.telemetry.state() == before
+    bench.telemetry.take("HEARTBEAT", 1, "{ not JSON")
+    assert bench.telemetry.malformed == 2
+
+
+def test_parameters_in_both_types_and_answers_to_commands(bench: _Bench) -> None:
+    five = struct.unpack("<f", struct.pack("<i", 5))[0]
+    bench.take("PARAM_VALUE", {"param_id": "COM_OBL_RC_ACT", "param_value": five, "param_type": 6})
+    bench.take("PARAM_VALUE", {"param_id": "COM_OF_LOSS_T\0", "param_value": 1.5, "param_type": 9})
+    bench.take("PARAM_VALUE", {"param_id": "NEGATIVE", "param_value": None, "param_type": 6})
+    assert bench.telemetry.parameters == {"COM_OBL_RC_ACT": 5, "COM_OF_LOSS_T": 1.5, "NEGATIVE": None}
+    bench.take("COMMAND_ACK", {"command": 176, "result": 0})
+    bench.take("COMMAND_ACK", {"command": 176, "result": 1})
+    assert bench.telemetry.acknowledgements == {176: 1}
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "mode"),
+    [
+        (1, 0, FlightMode.MANUAL),
+        (2, 0, FlightMode.MANUAL),
+        (3, 0, FlightMode.MANUAL),
+        (4, 2, FlightMode.TAKEOFF),
+        (4, 3, FlightMode.HOLD),
+        (4, 4, FlightMode.MISSION),
+        (4, 5, FlightMode.RETURN),
+        (4, 6, FlightMode.LAND),
+        (4, 8, FlightMode.OTHER),
+        (4, 9, FlightMode.LAND),
+        (5, 0, FlightMode.MANUAL),
+        (6, 0, FlightMode.OFFBOARD),
+        (7, 0, FlightMode.MANUAL),
+        (10, 0, FlightMode.OTHER),
+    ],
+)
+def test_px4_modes(main: int, sub: int, mode: FlightMode) -> None:
+    assert flight_mode(main << 16 | sub << 24) is mode

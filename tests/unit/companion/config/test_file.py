@@ -1,0 +1,86 @@
+"""Configuration files: every error at once, each with its key; the shipped ones load."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from companion.config.file import load_config, save_config
+from companion.errors import ConfigError
+from tests.paths import CONFIGS
+
+ROBOTS = sorted(CONFIGS.glob("*.yaml"))
+
+
+def write(tmp_path: Path, **changes: object) -> Path:
+    """The demo's flying robot with top-level keys changed."""
+    document = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text()) | changes
+    path = tmp_path / "robot.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+def errors_of(path: Path) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    assert caught.value.exit_code == 2
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.name)
+def test_shipped_configurations_load_and_survive_a_round_trip(path: Path, tmp_path: Path) -> None:
+    config = load_config(path)
+    save_config(config, tmp_path / "copy.yaml")
+    assert load_config(tmp_path / "copy.yaml") == config
+
+
+def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path) -> None:
+    path = write(
+        tmp_path,
+        csi={"channel": 7, "sorce": "unix"},
+        mission={"speed_m_s": "fast"},
+        peers=[{"id": 2, "name": "beacon", "mac": "00:21", "key_file": "b.key"}],
+        id=0,
+    )
+    text = errors_of(path)
+    for key in ("csi.channel", "csi.sorce", "mission.speed_m_s", "peers[0].mac", "id:"):
+        assert key in text
+    assert "did you mean source?" in text
+    assert "5 errors" in text
+    command = [sys.executable, "-m", "companion", "run", "--config", str(path)]
+    refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert text in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"role": "plane"}, "role"),
+        ({"autopilot": None}, "autopilot: missing"),
+        ({"peers": []}, "peers: empty"),
+        ({"gate": {"fence_min_m": [5, 0, 0], "fence_max_m": [1, 1, 5]}}, "gate.fence_min_m: x"),
+        ({"mission": {"speed_m_s": 1.5}}, "mission.speed_m_s: above gate.max_speed_m_s"),
+        ({"mission": {"lateral_weave_m": 0.4}}, "mission.lateral_weave_m"),
+        ({"mission": {"takeoff_height_m": float("nan")}}, "mission.takeoff_height_m: expected a finite number"),
+        ({"pose": [1, 2]}, "pose: expected a mapping of keys, got list"),
+        ({"wings": 2}, "wings: unknown key"),
+        ({"neighbours": {"key_file": "uav.key", "rate_hz": 1.0}}, "neighbours.rate_hz: 1; expected at least 2"),
+        ({"neighbours": {"key_file": "beacon.key"}}, "key_file: beacon.key stands twice"),
+    ],
+)
+def test_a_wrong_value_names_its_key(tmp_path: Path, changes: dict[str, object], expected: str) -> None:
+    assert expected in errors_of(write(tmp_path, **changes))
+
+
+def test_files_that_are_no_configuration(tmp_path: Path) -> None:
+    assert "no such configuration file" in errors_of(tmp_path / "absent.yaml")
+    for text, expected in (("", "got nothing"), ("- 1\n", "got list"), ("a: [1\n", "not valid YAML")):
+        path = tmp_path / "bad.yaml"
+        path.write_text(text)
+        assert expected in errors_of(path)
+        assert str(path) in errors_of(path)

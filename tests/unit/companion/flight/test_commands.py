@@ -1,0 +1,59 @@
+"""How the vehicle is left when the service ends in flight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from companion.autopilot.port import AutopilotError
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.messages import FlightMode, VehicleState
+from companion.flight.commands import FlightCommands
+
+_NOW_NS = 100 * NS_PER_S
+_FLYING = VehicleState(_NOW_NS, _NOW_NS, FlightMode.OFFBOARD, _NOW_NS, armed=True, in_air=True)
+_PLACED = replace(_FLYING, p_local_enu_m=(0.0, 0.0, 1.5), position_mono_ns=_NOW_NS)
+
+
+class _Autopilot:
+    """Notes what it is commanded."""
+
+    def __init__(self, state: VehicleState, refuses: bool = False) -> None:
+        self._state = state
+        self._refuses = refuses
+        self.commanded: list[str] = []
+
+    def state(self) -> VehicleState:
+        return self._state
+
+    async def hold(self) -> None:
+        self.commanded.append("hold")
+        if self._refuses:
+            raise AutopilotError("no")
+
+    async def land(self) -> None:
+        self.commanded.append("land")
+
+
+async def _left(state: VehicleState, refuses: bool = False) -> list[str]:
+    autopilot = _Autopilot(state, refuses)
+    await FlightCommands(autopilot, ManualClock(), lambda *_: None).leave_at_end()  # type: ignore[arg-type]
+    return autopilot.commanded
+
+
+@pytest.mark.parametrize("mode", [FlightMode.OFFBOARD, FlightMode.TAKEOFF, FlightMode.HOLD])
+async def test_it_is_left_in_hold_or_landing_where_it_has_no_place(mode: FlightMode) -> None:
+    assert await _left(replace(_PLACED, mode=mode)) == ["hold"]
+    assert await _left(replace(_FLYING, mode=mode)) == ["land"]
+    assert await _left(replace(_PLACED, mode=mode, position_mono_ns=_NOW_NS - NS_PER_S)) == ["land"]
+
+
+async def test_where_hold_is_refused_it_lands() -> None:
+    assert await _left(_PLACED, refuses=True) == ["hold", "land"]
+
+
+@pytest.mark.parametrize("mode", sorted(set(FlightMode) - {FlightMode.OFFBOARD, FlightMode.TAKEOFF, FlightMode.HOLD}))
+async def test_a_mode_that_somebody_took_since_the_last_tick_stays_theirs(mode: FlightMode) -> None:
+    """The loop may have stood still for long before it failed: a pilot who took over then is obeyed."""
+    assert await _left(replace(_PLACED, mode=mode)) == []

@@ -1,0 +1,138 @@
+"""Legs: as long as asked, within the limits, towards the target, and never flat."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.guidance.leg import LegShape, plan_leg
+from companion.guidance.tracker import TargetTracker
+from companion.sensing.records import Bearing
+
+SHAPE = LegShape(length_m=1.2, lateral_m=0.12, vertical_m=0.1, speed_m_s=0.5, acceleration_m_s2=0.8)
+
+
+@pytest.mark.parametrize("azimuth_deg", [0, 37, 90, 200, -135])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_leg_keeps_its_promises(azimuth_deg: float, side: int) -> None:
+    azimuth_rad = math.radians(azimuth_deg)
+    leg = plan_leg((1.0, -2.0, 1.5), azimuth_rad, 1.5, side, SHAPE)
+    p, v = leg.p_local_enu_m, leg.v_local_enu_m_s
+    np.testing.assert_allclose(p[0], (1.0, -2.0, 1.5), atol=1e-9)
+    advance = p[-1] - p[0]
+    assert math.atan2(advance[1], advance[0]) == pytest.approx(math.remainder(azimuth_rad, math.tau), abs=1e-6)
+    assert np.linalg.norm(np.diff(p, axis=0), axis=1).sum() == pytest.approx(1.2, abs=0.005)
+    assert np.linalg.norm(v, axis=1).max() <= 0.5 * 1.001
+    assert np.linalg.norm(np.gradient(v, leg.t_s, axis=0), axis=1).max() < 1.5
+    spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False) / math.sqrt(len(p))
+    assert spread[2] > 0.04  # metres of standard deviation along the thinnest axis
+    assert np.abs(p[:, 2] - 1.5).max() < 0.11
+
+
+def test_a_leg_returns_to_its_height() -> None:
+    leg = plan_leg((0.0, 0.0, 1.2), 0.0, 1.5, 1, SHAPE)
+    assert leg.p_local_enu_m[-1, 2] == pytest.approx(1.5)
+    assert leg.at(leg.duration_s + 5) == ((*leg.p_local_enu_m[-1],), (0.0, 0.0, 0.0))
+
+
+def bearing_to(
+    target: np.ndarray,
+    place: np.ndarray,
+    t_s: float,
+    own: np.ndarray | None = None,
+    turned: tuple[float, float] = (0, 0),
+) -> Bearing:
+    """A bearing that is off by `turned` [rad]; `own` is where the target's own poses put it."""
+    x, y, z = target - place
+    polar_rad = math.acos(z / np.linalg.norm(target - place)) + turned[1]
+    own_m = tuple(np.zeros(3) if own is None else own)
+    azimuth_rad = math.atan2(y, x) + turned[0]
+    return Bearing(round(t_s * 1e9), tuple(place), azimuth_rad, polar_rad, 0.02, 0.02, own_m, 7, 0.9)
+
+
+def test_bearings_from_the_side_make_a_position() -> None:
+    tracker = TargetTracker()
+    target = np.array([6.0, 3.0, 0.5])
+    places = [np.array([0.0, y, 1.5]) for y in (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
+    assert math.isinf(tracker.add(bearing_to(target, places[0], 0)).range_std_m)
+    for number, place in enumerate(places[1:], 1):
+        found = tracker.add(bearing_to(target, place, 3 * number))
+    assert found.origin_local_enu_m is not None
+    np.testing.assert_allclose(found.origin_local_enu_m, target, atol=0.7)
+    assert found.range_m == pytest.approx(np.linalg.norm(target - places[-1]), rel=0.12)
+    assert found.range_std_m < 2.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_flight_straight_at_the_target_is_near_only_when_it_is(seed: int) -> None:
+    """Bearings along one line tell no range: beside the vehicle is as good a place as far away."""
+    rng = np.random.default_rng(seed)
+    tracker, target = TargetTracker(), np.array([14.0, 0.0, 0.3])
+    for leg in range(16):
+        place = np.array([0.85 * leg, 0.0, 1.5])
+        a, p = np.radians(4) * rng.standard_normal(2)
+        found = tracker.add(bearing_to(target, place, 3.5 * leg, turned=(a, p)))
+        away_m = float(np.linalg.norm(target - place))
+        if away_m > 2.0:
+            assert found.range_m + 2 * found.range_std_m > 1.5, f"taken for near at {away_m:.1f} m"
+        assert leg < 3 or abs(found.azimuth_rad) < math.radians(10)
+    for turn in range(8):  # around it: now it is near, and that is seen
+        place = target + np.array([0.7 * math.cos(turn), 0.7 * math.sin(turn), 0.6])
+        found = tracker.add(bearing_to(target, place, 60 + 3 * turn))
+    assert found.range_m + 2 * found.range_std_m < 1.5
+
+
+def test_a_bearing_that_disagrees_is_outvoted() -> None:
+    tracker, target = TargetTracker(), np.array([14.0, 0.0, 0.3])
+    for leg in range(5):
+        found = tracker.add(bearing_to(target, np.array([0.85 * leg, 0.0, 1.5]), 3.5 * leg))
+    outlier = bearing_to(target, np.array([0.85 * 5, 0.0, 1.5]), 17.5, turned=(1.2, 0.2))
+    found = tracker.add(outlier)
+    assert abs(found.azimuth_rad) < math.radians(3)
+    # A target that has really gone elsewhere is followed once the new bearings outweigh the old.
+    elsewhere = np.array([0.85 * 5, 10.0, 0.3])
+    for leg in range(8):
+        found = tracker.add(bearing_to(elsewhere, np.array([0.85 * 5, 0.5 * leg, 1.5]), 20 + 3.5 * leg))
+    assert found.azimuth_rad == pytest.approx(math.pi / 2, abs=math.radians(3))
+
+
+def test_a_target_that_drives_across_is_not_taken_for_near() -> None:
+    """Standing it would have to be at 2.6 m to turn that fast; its own poses tell that it moved."""
+    tracker = TargetTracker()
+    origin = np.array([-40.0, 9.0, 2.0])
+    for leg in range(6):
+        target = np.array([8.0, 0.4 * leg, 0.3])
+        found = tracker.add(bearing_to(target, np.array([0.7 * leg, 0.0, 1.5]), 3.5 * leg, target - origin))
+    place, own = (3.5, 0.0, 1.5), (48.0, -7.0, -1.7)
+    assert found.range_from(place, own) > 4.0
+    nearer, on_the_way = found.range_from(place, own), (49.0, -7.0, -1.7)
+    assert found.range_from((4.5, 0.0, 1.5), on_the_way) == pytest.approx(nearer, abs=1e-6)
+
+
+def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:
+    tracker, target = TargetTracker(), np.array([6.0, 3.0, 0.5])
+    for y in range(7):
+        flat = bearing_to(target, np.array([0.0, float(y), 1.5]), y)
+        found = tracker.add(replace(flat, polar_rad=math.pi / 2, polar_std_rad=math.inf) if y else flat)
+    assert found.origin_local_enu_m is not None
+    np.testing.assert_allclose(found.origin_local_enu_m[:2], target[:2], atol=1.0)
+
+
+def test_a_rebooted_target_has_another_origin() -> None:
+    tracker = TargetTracker()
+    target = np.array([6.0, 3.0, 0.5])
+    tracker.add(bearing_to(target, np.array([0.0, 0.0, 1.5]), 0))
+    tracker.add(bearing_to(target, np.array([0.0, 3.0, 1.5]), 3))
+    found = tracker.add(replace(bearing_to(target, np.array([1.0, 3.0, 1.5]), 6), target_boot=8))
+    assert found.origin_local_enu_m is None
+    assert found.boot == 8
+
+
+def test_lines_that_cross_behind_give_no_range() -> None:
+    tracker = TargetTracker()
+    tracker.add(bearing_to(np.array([-1.0, 5.0, 1.0]), np.array([0.0, 0.0, 1.0]), 0))
+    found = tracker.add(bearing_to(np.array([2.0, 5.0, 1.0]), np.array([1.0, 0.0, 1.0]), 1))
+    assert found.range_std_m > 3.0

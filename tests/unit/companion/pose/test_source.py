@@ -1,0 +1,101 @@
+"""The pose socket and its frames: a table of hand moves of the camera, and what a lost tracker sends."""
+
+from __future__ import annotations
+
+import math
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.core.messages import Pose
+from companion.errors import CompanionError
+from companion.pose import wire
+from companion.pose.source import BodyFrame, PoseSource
+from wsr.geometry import rotate
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def raw(
+    position: tuple[float, float, float],
+    quaternion: tuple[float, float, float, float] = LEVEL,
+    frame: wire.PoseFrame = wire.PoseFrame.T265,
+) -> wire.RawPose:
+    return wire.RawPose(123, position, quaternion, position, 3, frame)
+
+
+@pytest.mark.parametrize(
+    ("move", "north_yaw_deg", "expected"),
+    [
+        ((1.0, 0.0, 0.0), 0, (1.0, 0.0, 0.0)),  # to its right: East
+        ((0.0, 1.0, 0.0), 0, (0.0, 0.0, 1.0)),  # up
+        ((0.0, 0.0, -1.0), 0, (0.0, 1.0, 0.0)),  # forward: North
+        ((0.0, 0.0, -1.0), 90, (-1.0, 0.0, 0.0)),  # forward, the camera having started towards West
+        ((1.0, 0.0, 0.0), 90, (0.0, 1.0, 0.0)),
+        ((0.0, 1.0, 0.0), 137, (0.0, 0.0, 1.0)),
+    ],
+)
+def test_hand_moves(move: tuple[float, float, float], north_yaw_deg: float, expected: tuple[float, ...]) -> None:
+    pose = BodyFrame(math.radians(north_yaw_deg)).pose(raw(move))
+    np.testing.assert_allclose(pose.p_enu_m, expected, atol=1e-12)
+    np.testing.assert_allclose(pose.v_enu_m_s, expected, atol=1e-12)
+
+
+def test_the_nose_turns_left_when_the_camera_does_and_north_yaw_adds_to_it() -> None:
+    half = math.radians(30) / 2
+    turned_left = (math.cos(half), 0.0, math.sin(half), 0.0)  # about the camera's Y, which is up
+    for north_yaw_deg in (0, 50):
+        pose = BodyFrame(math.radians(north_yaw_deg)).pose(raw((0.0, 0.0, 0.0), turned_left))
+        nose = rotate(np.array(pose.q_enu_from_body), np.array([1.0, 0.0, 0.0]))
+        assert math.degrees(math.atan2(nose[1], nose[0])) == pytest.approx(90 + 30 + north_yaw_deg)
+        up = rotate(np.array(pose.q_enu_from_body), np.array([0.0, 0.0, 1.0]))
+        np.testing.assert_allclose(up, (0, 0, 1), atol=1e-12)
+
+
+def test_enu_poses_pass_as_they_are() -> None:
+    pose = BodyFrame(0.0).pose(raw((1.0, 2.0, 3.0), frame=wire.PoseFrame.ENU))
+    assert pose.p_enu_m == (1.0, 2.0, 3.0)
+    assert pose.q_enu_from_body == LEVEL
+
+
+def test_the_socket_passes_good_poses_and_counts_the_rest(tmp_path: Path) -> None:
+    got: list[Pose] = []
+    path = tmp_path / "pose.sock"
+    source = PoseSource(path, 0.0, got.append)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
+        camera.connect(str(path))
+        camera.send(wire.encode(raw((1.0, 2.0, 3.0))))
+        camera.send(wire.encode(raw((math.nan, 2.0, 3.0))))
+        camera.send(wire.encode(raw((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 0.0))))
+        camera.send(b"PSE1 but short")
+        camera.send(b"X" * wire.DATAGRAM_BYTES)
+        source.drain()
+    source.close()
+    assert len(got) == 3, "poses that are not numbers are the health's to judge"
+    assert (source.received, source.malformed, source.resets) == (3, 2, 0)
+    assert not path.exists()
+
+
+def test_a_reader_that_began_anew_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "pose.sock"
+    source = PoseSource(path, 0.0, lambda _: None)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
+        camera.connect(str(path))
+        for session in (7, 7, 8, 8):
+            camera.send(wire.encode(replace(raw((1.0, 2.0, 3.0)), session=session)))
+        source.drain()
+    source.close()
+    assert source.resets == 1
+
+
+def test_a_socket_in_use_is_not_taken_but_a_stale_one_is(tmp_path: Path) -> None:
+    path = tmp_path / "pose.sock"
+    first = PoseSource(path, 0.0, lambda _: None)
+    assert path.stat().st_mode & 0o077 == 0
+    with pytest.raises(CompanionError, match="in use by another process"):
+        PoseSource(path, 0.0, lambda _: None)
+    first._socket.close()  # as after kill -9: the file stays
+    PoseSource(path, 0.0, lambda _: None).close()

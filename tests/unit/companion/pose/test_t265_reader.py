@@ -1,0 +1,139 @@
+"""The camera's reader on the real library's software device, in a process of its own as on a vehicle.
+
+With pyrealsense2 2.53.1 on CPython 3.10 where `make t265` found one, and with the newest wheel on this interpreter.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from companion.host.unix_datagram import bind_datagram_socket
+from companion.pose import wire
+from companion.pose.t265_reader import DeviceClock
+from tests.paths import ROOT
+
+_ROOT = ROOT
+_OWN = _ROOT / ".venv-t265" / "bin" / "python"
+_MS = 1_000_000
+
+
+def _python(which: str) -> str:
+    if which == "own":
+        if not _OWN.exists():
+            pytest.skip("no .venv-t265: make t265 found no python3.10")
+        return str(_OWN)
+    if importlib.util.find_spec("pyrealsense2") is None:
+        pytest.skip("pyrealsense2 is not installed for this interpreter")
+    return sys.executable
+
+
+def _environment() -> dict[str, str]:
+    """With a libusb that the library finds, whether or not the system has one."""
+    import libusb_package
+
+    return os.environ | {"PYTHONPATH": str(_ROOT), "LD_PRELOAD": str(libusb_package.get_library_path())}
+
+
+def _run(python: str, module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [python, "-m", module, *arguments]
+    return subprocess.run(command, env=_environment(), cwd=_ROOT, capture_output=True, text=True, timeout=60)
+
+
+@contextmanager
+def _service(path: Path) -> Iterator[list[tuple[int, wire.RawPose]]]:
+    """Receives as the service does: what arrived, and when."""
+    got: list[tuple[int, wire.RawPose]] = []
+    stopped = threading.Event()
+
+    def receive(sock: socket.socket) -> None:
+        sock.settimeout(0.05)
+        while not stopped.is_set():
+            try:
+                datagram = sock.recv(4096)
+            except TimeoutError:
+                continue
+            got.append((time.monotonic_ns(), wire.decode(datagram)))
+
+    with bind_datagram_socket(path) as sock:
+        thread = threading.Thread(target=receive, args=(sock,))
+        thread.start()
+        try:
+            yield got
+        finally:
+            stopped.set()
+            thread.join()
+
+
+@pytest.mark.parametrize("which", ["own", "newest"])
+def test_every_frame_of_the_software_device_arrives(which: str, tmp_path: Path) -> None:
+    python = _python(which)
+    with _service(tmp_path / "pose.sock") as got:
+        done = _run(python, "tests.faults.software_t265", "--socket", str(tmp_path / "pose.sock"), "--frames", "100")
+    assert (done.returncode, done.stdout) == (0, "100 0\n"), done.stderr
+    poses = [pose for _, pose in got]
+    assert len(poses) == 100 and {pose.session for pose in poses} == {7}
+    assert [math.isnan(pose.position_m[0]) for pose in poses] == [number % 10 == 9 for number in range(100)]
+    for number, pose in enumerate(poses):
+        if number % 10 != 9:
+            assert pose.position_m == pytest.approx((0.001 * number, 2.0, 3.0), abs=1e-6)
+        assert pose.frame is wire.PoseFrame.T265 and pose.confidence == 3
+        assert pose.velocity_m_s == pytest.approx((0.2, 0.0, 0.0)) and pose.quaternion_wxyz == (1.0, 0.0, 0.0, 0.0)
+    stamps = [pose.t_mono_ns for pose in poses]
+    assert stamps == sorted(stamps)
+    assert all(stamp <= arrived_ns + _MS for (arrived_ns, _), stamp in zip(got, stamps, strict=True))
+    assert (stamps[-1] - stamps[0]) / 1e9 == pytest.approx(99 / 200, abs=0.1)
+
+
+def test_a_camera_that_falls_silent_ends_the_reader_with_code_1(tmp_path: Path) -> None:
+    python = _python("own" if _OWN.exists() else "newest")
+    done = _run(python, "tests.faults.software_t265", "--socket", str(tmp_path / "x"), "--frames", "5", "--silent")
+    assert done.returncode == 1 and "no pose for 3 s; the camera hangs or was unplugged" in done.stderr
+
+
+def test_without_a_camera_it_says_so(tmp_path: Path) -> None:
+    python = _python("own" if _OWN.exists() else "newest")
+    done = _run(python, "companion.pose.t265_reader", "--socket", str(tmp_path / "x"))
+    assert done.returncode == 1 and "no T265 among 0 devices" in done.stderr
+
+
+def test_a_recording_is_played_back(tmp_path: Path) -> None:
+    python, bag = _python("own"), tmp_path / "flight.bag"
+    made = _run(
+        python, "tests.faults.software_t265", "--socket", str(tmp_path / "x"), "--frames", "60", "--record", str(bag)
+    )
+    assert made.returncode == 0, made.stderr
+    with _service(tmp_path / "pose.sock") as got:
+        done = _run(python, "companion.pose.t265_reader", "--socket", str(tmp_path / "pose.sock"), "--bag", str(bag))
+    assert done.returncode == 0, done.stderr
+    assert len(got) == pytest.approx(60, abs=2)
+    assert got[5][1].position_m[1:] == (2.0, 3.0)
+
+
+def test_device_time_is_put_on_the_monotonic_clock_by_the_shortest_delay() -> None:
+    clock = DeviceClock()
+    assert clock.monotonic_ns(1000.0, 5_010 * _MS) == 5_010 * _MS
+    assert clock.monotonic_ns(1005.0, 5_012 * _MS) == 5_012 * _MS, "a shorter delay is believed at once"
+    late = clock.monotonic_ns(1010.0, 5_040 * _MS)
+    assert late == pytest.approx(5_017 * _MS, abs=_MS / 10), "a frame that came late keeps its own time"
+
+
+def test_a_step_of_the_device_time_is_followed_and_never_leads_into_the_future() -> None:
+    clock = DeviceClock()
+    clock.monotonic_ns(1000.0, 5_000 * _MS)
+    for number in range(1, 100):
+        arrival_ns = (5_000 + 5 * number) * _MS
+        stamp_ns = clock.monotonic_ns(31_000.0 + 5 * number, arrival_ns)
+        assert stamp_ns <= arrival_ns
+    assert stamp_ns == arrival_ns

@@ -1,0 +1,130 @@
+"""The preflight's list: each line alone, all lines together, and the parameter files that go with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from companion.safety.preflight import (
+    Readiness,
+    ReadinessLimits,
+    parameter_problems,
+    readiness_problems,
+    required_parameters,
+)
+from tests.paths import CONFIGS
+
+_FILES = CONFIGS / "px4"
+_LIMITS = ReadinessLimits(silent_s=2.0, min_battery=0.2, min_free_mib=500.0)
+_READY = Readiness(
+    observes=False,
+    autopilot_problem="",
+    heartbeat_age_s=0.5,
+    has_position=True,
+    estimator_age_s=0.3,
+    estimator_healthy=True,
+    failsafe=False,
+    flown_in="",
+    timesync_age_s=0.1,
+    battery=0.8,
+    pose_problem="",
+    north_problem="",
+    datagram_age_s=0.1,
+    packet_age_s=0.01,
+    bad_signatures=0,
+    clock_problem="",
+    aoa_ready=True,
+    recorder_failed=False,
+    free_mib=9000.0,
+)
+
+
+def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
+    assert readiness_problems(_READY, _LIMITS) == []
+    assert readiness_problems(replace(_READY, battery=None), _LIMITS) == [], "an unknown battery is not a low one"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"observes": True}, "the service observes; mission.control: fly lets it be engaged"),
+        ({"heartbeat_age_s": 2.1}, "no heartbeat of the autopilot"),
+        ({"autopilot_problem": "port taken"}, "no heartbeat of the autopilot: port taken"),
+        ({"has_position": False}, "the autopilot has no local position"),
+        ({"estimator_age_s": 3.1}, "the autopilot's estimator tells nothing of itself"),
+        ({"estimator_healthy": False}, "the autopilot's estimator is not healthy"),
+        ({"failsafe": True}, "the autopilot is in a failsafe"),
+        ({"flown_in": "manual"}, "the vehicle is flown in mode manual; put it into hold first"),
+        ({"timesync_age_s": 3.1}, "clocks: the autopilot takes no part in TIMESYNC"),
+        ({"battery": 0.19}, "the battery is low: 19 %, wanted 20"),
+        ({"pose_problem": "poses are 1.0 s old"}, "no fresh poses: poses are 1.0 s old"),
+        ({"north_problem": "North is not known"}, "North is not known"),
+        ({"datagram_age_s": 2.1}, "no datagrams of the target"),
+        (
+            {"datagram_age_s": 2.1, "bad_signatures": 7},
+            "no datagrams of the target (7 came with a wrong signature: compare the keys)",
+        ),
+        ({"packet_age_s": 2.1}, "no packets of the target"),
+        ({"clock_problem": "the clock of beacon is not related"}, "the clock of beacon is not related"),
+        ({"packet_age_s": 2.1, "clock_problem": "no shared exchanges"}, "no packets of the target"),
+        ({"aoa_ready": False}, "the AOA worker is not ready"),
+        ({"recorder_failed": True}, "the recorder has stopped"),
+        ({"free_mib": 499.0}, "the disk has 499 MiB left, wanted 500"),
+    ],
+)
+def test_each_thing_that_is_missing_is_one_line(change: dict[str, object], problem: str) -> None:
+    assert readiness_problems(replace(_READY, **change), _LIMITS) == [problem]  # type: ignore[arg-type]
+
+
+def test_all_that_is_missing_is_told_at_once() -> None:
+    bad = replace(_READY, observes=True, has_position=False, battery=0.1, aoa_ready=False, free_mib=1.0)
+    assert len(readiness_problems(bad, _LIMITS)) == 5
+
+
+def _values(name: str) -> dict[str, float | str]:
+    rows = [line.split("\t") for line in (_FILES / name).read_text().splitlines() if not line.startswith("#")]
+    assert all(len(row) == 5 and row[4] in ("6", "9") for row in rows)
+    return {row[2]: float(row[3]) for row in rows}
+
+
+@pytest.mark.parametrize(("name", "gps"), [("gps.params", True), ("gps-denied.params", False)])
+def test_the_parameter_files_pass_the_preflight(name: str, gps: bool) -> None:
+    assert list(parameter_problems(_values(name), gps)) == []
+
+
+_PX4_DEFAULTS: dict[str, float | str] = {
+    "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
+    "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1,
+}  # fmt: skip
+
+
+def test_px4s_own_defaults_do_not_pass_and_each_line_says_value_wanted_and_why() -> None:
+    assert list(parameter_problems(_PX4_DEFAULTS, gps=True)) == [
+        "parameter COM_OBL_RC_ACT is 0; wanted 4 (land) or 5 (hold): what PX4 does when the stream is lost; its "
+        "default 0 descends when there is no RC",
+        "parameter COM_RC_OVERRIDE is 1; wanted 3: moving the sticks must give the pilot the vehicle in auto modes (1) "
+        "and in OFFBOARD (2)",
+    ]
+    assert len(list(parameter_problems(_PX4_DEFAULTS, gps=False))) == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("COM_OF_LOSS_T", (0.3, 1.0), (0.0, 1.1, 5.0)),
+        ("COM_OBL_RC_ACT", (4, 5), (0, 1, 2, 3, 6)),
+        ("COM_RC_OVERRIDE", (3, 7), (0, 1, 2, 4)),
+        ("GF_ACTION", (2, 3, 5), (0, 1, 4)),
+        ("SYS_HAS_GPS", (1,), (0,)),
+        ("EKF2_EV_CTRL", (0,), (1, 15)),
+    ],
+)
+def test_which_values_pass(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
+    (requirement,) = (r for r in required_parameters(gps=True) if r.name == name)
+    assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
+
+
+def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:
+    problems = list(parameter_problems(_PX4_DEFAULTS | {"GF_ACTION": "parameter GF_ACTION: no answer"}, gps=True))
+    assert "parameter GF_ACTION: no answer; wanted 2 (hold), 3 (return) or 5 (land): PX4's own geofence" in problems[-1]

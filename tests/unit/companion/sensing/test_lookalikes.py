@@ -1,0 +1,54 @@
+"""Fingerprints on real channels: one transmitter under two names looks alike, two transmitters never do."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.analysis import bearings
+from companion.analysis.bearings import analyze_run
+from companion.analysis.result import Options
+from companion.analysis.runs import find_runs
+from companion.analysis.trajectories import PoseKind
+from companion.sensing.lookalikes import ALIKE, likeness, outstanding
+from tests.csi_records import needs_data
+from tests.paths import DATA
+from wsr.aperture import Aperture, make_aperture
+from wsr.estimators import ESTIMATORS
+from wsr.profile import Profile
+
+
+@needs_data
+def test_halves_of_the_packets_are_one_transmitter_and_others_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every second packet of each transmitter is taken for another identity of it."""
+    halves: list[float] = []
+    whole = make_aperture
+
+    def halved(*columns: Any, **more: Any) -> Aperture:
+        t_s, p_m, channel, wavelength_m = columns
+        profiles = []
+        for first in (0, 1):
+            part = slice(first, None, 2)
+            kept = {name: values[part] for name, values in more.items()}
+            aperture = whole(t_s[part], p_m[part], channel[part], wavelength_m, **kept)
+            profiles.append(fingerprint(ESTIMATORS["robust"]().estimate(aperture)[1]))
+        halves.append(likeness(*profiles))
+        return whole(*columns, **more)
+
+    monkeypatch.setattr(bearings, "make_aperture", halved)
+    others: list[float] = []
+    for run in find_runs(DATA / "wsr_dataset_dev" / "NLOS_Set_A")[:2]:
+        links = analyze_run(run, Options(PoseKind.MOCAP)).links
+        profiles = [fingerprint(link.profile) for link in links if link.profile is not None]
+        others += [likeness(a, b) for a, b in combinations(profiles, 2)]
+    assert len(halves) == len(others) == 6
+    assert max(others) < 0.6 < ALIKE
+    assert sum(value > ALIKE for value in halves) >= 5
+
+
+def fingerprint(profile: Profile | None) -> Any:
+    assert profile is not None
+    return outstanding(np.asarray(profile.power, np.float32).ravel())

@@ -1,0 +1,392 @@
+"""The mock autopilot keeps each PX4 behaviour that a companion must survive. No sockets, and time is a number."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.sim.px4.autopilot import Px4
+from companion.sim.px4.commander import NS_PER_S, Mode
+
+_STEP_NS = NS_PER_S // 100
+_POSITION_VELOCITY_YAW = 64 | 128 | 256 | 2048
+_OFFBOARD, _HOLD, _LAND = (6, 0), (4, 3), (4, 6)
+
+
+class _Client:
+    """A companion that speaks raw MAVLink to the mock and keeps all it hears."""
+
+    def __init__(self, **options: Any) -> None:
+        self.now_ns = 10 * NS_PER_S
+        self.px4 = Px4(self.now_ns, **options)
+        self.heard: list[Any] = []
+        self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
+
+    def mode(self) -> Mode:
+        return self.px4.commander.mode
+
+    def run(self, seconds: float, stream_hz: float = 0.0, point: tuple[float, ...] = (0, 0, -1.5, 0, 0, 0, 0)) -> None:
+        """Let time pass, with a stream of set points (north, east, down, their velocities, heading)."""
+        end_ns, next_ns = self.now_ns + round(seconds * NS_PER_S), self.now_ns
+        while self.now_ns < end_ns:
+            self.now_ns += _STEP_NS
+            self._hear(self.px4.step(self.now_ns))
+            if stream_hz and self.now_ns >= next_ns:
+                next_ns += round(NS_PER_S / stream_hz)
+                self.set_point(*point)
+
+    def set_point(self, *point: float, mask: int = _POSITION_VELOCITY_YAW, frame: int = 1) -> None:
+        x, y, z, vx, vy, vz, yaw = point
+        self.send(
+            self._mav.set_position_target_local_ned_encode(0, 1, 1, frame, mask, x, y, z, vx, vy, vz, 0, 0, 0, yaw, 0)
+        )
+
+    def command(self, command: int, *parameters: float) -> list[int]:
+        """The results of all acknowledgements."""
+        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+        before = len(self.heard)
+        self.send(self._mav.command_long_encode(1, 1, command, 0, *padded))
+        acks = [m for m in self.heard[before:] if m.get_type() == "COMMAND_ACK"]
+        assert all(m.command == command for m in acks)
+        return [int(m.result) for m in acks]
+
+    def set_mode(self, mode: tuple[int, int]) -> list[int]:
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *mode)
+
+    def take_off(self) -> None:
+        assert self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [0]
+        assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF) == [0]
+        self.run(5)
+        assert self.mode() is Mode.HOLD and not self.px4.commander.landed
+
+    def go_offboard(self) -> None:
+        self.run(0.5, stream_hz=20)
+        assert self.set_mode(_OFFBOARD) == [0, 0]
+        self.run(0.5, stream_hz=20)
+
+    def messages(self, name: str) -> list[Any]:
+        return [m for m in self.heard if m.get_type() == name]
+
+    def send(self, message: Any) -> None:
+        self._hear(self.px4.link.receive(message.pack(self._mav), self.now_ns))
+
+    def _hear(self, datagrams: list[bytes]) -> None:
+        for datagram in datagrams:
+            self.heard += mavlink.MAVLink(None).parse_buffer(datagram) or []
+
+
+@pytest.fixture
+def client() -> _Client:
+    return _Client(parameters={"COM_OBL_RC_ACT": 5, "MIS_TAKEOFF_ALT": 1.5})
+
+
+def test_streams_keep_their_rates(client: _Client) -> None:
+    client.run(10)
+    for name, low, high in [
+        ("HEARTBEAT", 10, 11),
+        ("LOCAL_POSITION_NED", 300, 303),
+        ("ATTITUDE", 499, 502),
+        ("EXTENDED_SYS_STATE", 50, 51),
+        ("SYS_STATUS", 50, 51),
+        ("BATTERY_STATUS", 5, 6),
+        ("CURRENT_MODE", 5, 6),
+        ("HOME_POSITION", 5, 6),
+    ]:
+        assert low <= len(client.messages(name)) <= high, name
+
+
+def test_message_interval_can_be_set_but_not_the_heartbeats(client: _Client) -> None:
+    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20_000) == [
+        0
+    ]
+    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 50_000) == [0]
+    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_HEARTBEAT, 100_000) == [4]
+    client.run(2)
+    assert 100 <= len(client.messages("LOCAL_POSITION_NED")) <= 102
+    assert len(client.messages("CURRENT_MODE")) <= 6, "only after an update of the vehicle's status, 2 Hz at rest"
+    before = len(client.messages("CURRENT_MODE"))
+    client.px4.commander.pilot_mode(Mode.POSCTL)
+    client.run(0.06)
+    assert client.messages("CURRENT_MODE")[before].custom_mode == 3 << 16
+
+
+def test_version_timesync_and_unknown_commands(client: _Client) -> None:
+    assert client.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == [0]
+    assert client.messages("AUTOPILOT_VERSION")[0].flight_sw_version >> 16 == 0x0110
+    assert client.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 12345) == [3]
+    assert client.command(mavlink.MAV_CMD_DO_PARACHUTE) == [3]
+    client.send(mavlink.MAVLink_timesync_message(0, 777))
+    answer = client.messages("TIMESYNC")[-1]
+    assert (answer.tc1, answer.ts1) == (client.now_ns, 777)
+    client.send(mavlink.MAVLink_timesync_message(5, 6))
+    assert client.px4.link.timesync_answers == 1
+
+
+def test_parameters_carry_integers_byte_by_byte(client: _Client) -> None:
+    client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"COM_OBL_RC_ACT", -1))
+    value = client.messages("PARAM_VALUE")[-1]
+    assert value.param_type == mavlink.MAV_PARAM_TYPE_INT32
+    assert struct.unpack("<i", struct.pack("<f", value.param_value))[0] == 5
+    client.send(mavlink.MAVLink_param_set_message(1, 1, b"MIS_TAKEOFF_ALT", 2.0, mavlink.MAV_PARAM_TYPE_REAL32))
+    assert client.messages("PARAM_VALUE")[-1].param_value == 2.0
+    four = struct.unpack("<f", struct.pack("<i", 4))[0]
+    client.send(mavlink.MAVLink_param_set_message(1, 1, b"COM_OBL_RC_ACT", four, mavlink.MAV_PARAM_TYPE_INT32))
+    assert client.px4.commander.parameters["COM_OBL_RC_ACT"] == 4
+    before = len(client.messages("PARAM_VALUE"))
+    client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1))
+    client.send(mavlink.MAVLink_param_set_message(1, 1, b"NO_SUCH", 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
+    assert len(client.messages("PARAM_VALUE")) == before
+    client.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    assert len(client.messages("PARAM_VALUE")) == before + len(client.px4.commander.parameters)
+
+
+def test_bytes_that_are_no_mavlink_are_ignored(client: _Client) -> None:
+    assert client.px4.link.receive(bytes(range(256)) * 4, client.now_ns) == []
+    client.set_point(0, 0, -1, 0, 0, 0, 0)
+    assert client.px4.commander.stream.received == 1
+
+
+def test_offboard_is_acknowledged_twice_and_refused_without_a_stream(client: _Client) -> None:
+    assert client.set_mode(_OFFBOARD) == [0, 1]
+    client.set_point(0, 0, -1, 0, 0, 0, 0)
+    assert client.set_mode(_OFFBOARD) == [0, 1], "one set point is no stream"
+    client.run(3, stream_hz=1.5)
+    assert client.set_mode(_OFFBOARD) == [0, 1], "slower than 2 Hz is no stream"
+    assert client.mode() is Mode.HOLD
+    client.run(0.5, stream_hz=20)
+    assert client.set_mode(_OFFBOARD) == [0, 0]
+    assert client.mode() is Mode.OFFBOARD
+
+
+def test_injected_refusal_and_silence(client: _Client) -> None:
+    client.run(0.5, stream_hz=20)
+    assert client.px4.order("offboard refuse") is None
+    assert client.set_mode(_OFFBOARD) == [0, 1]
+    assert client.px4.order("offboard silent") is None
+    assert client.set_mode(_OFFBOARD) == []
+    assert client.mode() is Mode.HOLD
+
+
+def test_takeoff_hold_land_and_disarm(client: _Client) -> None:
+    assert client.px4.commander.landed
+    client.take_off()
+    assert client.px4.commander.airframe.p_enu_m[2] == pytest.approx(1.5, abs=0.3)
+    assert client.messages("EXTENDED_SYS_STATE")[-1].landed_state == mavlink.MAV_LANDED_STATE_IN_AIR
+    assert client.messages("HEARTBEAT")[-1].base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert client.set_mode(_LAND) == [0, 0]
+    client.run(4)
+    assert client.px4.commander.landed and client.px4.commander.armed
+    client.run(2)
+    assert not client.px4.commander.armed
+    assert client.mode() is Mode.HOLD
+
+
+def test_armed_on_the_ground_for_long_disarms(client: _Client) -> None:
+    assert client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [0]
+    client.run(9)
+    assert client.px4.commander.armed
+    client.run(2)
+    assert not client.px4.commander.armed
+
+
+def test_disarming_in_the_air_and_arming_for_a_dead_stream_are_refused(client: _Client) -> None:
+    client.take_off()
+    assert client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == [2]
+    grounded = _Client()
+    grounded.run(0.5, stream_hz=20)
+    assert grounded.set_mode(_OFFBOARD) == [0, 0]
+    grounded.run(2)
+    assert grounded.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [1]
+
+
+def test_offboard_follows_north_east_down(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    client.run(12, stream_hz=20, point=(3.0, -2.0, -2.5, 0, 0, 0, 0.5))
+    airframe = client.px4.commander.airframe
+    assert airframe.p_enu_m == pytest.approx((-2.0, 3.0, 2.5), abs=0.02)
+    assert math.remainder(airframe.yaw_enu_rad - (math.pi / 2 - 0.5), math.tau) == pytest.approx(0, abs=1e-6)
+    position = client.messages("LOCAL_POSITION_NED")[-1]
+    assert (position.x, position.y, position.z) == pytest.approx((3.0, -2.0, -2.5), abs=0.02)
+    assert client.messages("ATTITUDE")[-1].yaw == pytest.approx(0.5)
+    globe = client.messages("GLOBAL_POSITION_INT")[-1]
+    assert globe.relative_alt == pytest.approx(2500, abs=20)
+
+
+def test_velocity_alone_and_other_frames(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    for _ in range(60):
+        client.set_point(math.nan, 0, 0, 0, 1.0, 0, 0, mask=_POSITION_VELOCITY_YAW | 7)
+        client.run(0.05)
+    assert client.px4.commander.airframe.v_enu_m_s == pytest.approx((1.0, 0.0, 0.0), abs=0.02)
+    before = client.px4.commander.stream.received
+    client.set_point(0, 0, -1, 0, 0, 0, 0, frame=mavlink.MAV_FRAME_BODY_NED)
+    assert client.px4.commander.stream.received == before
+
+
+def test_speed_and_acceleration_are_limited(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    commander, v_before = client.px4.commander, client.px4.commander.airframe.v_enu_m_s
+    top_m_s = 0.0
+    for _ in range(300):
+        client.run(0.01, stream_hz=100, point=(500.0, 0, -1.5, 0, 0, 0, 0))
+        v = commander.airframe.v_enu_m_s
+        assert math.dist(v, v_before) / 0.01 <= 3.0 + 1e-6
+        v_before, top_m_s = v, max(top_m_s, math.hypot(*v))
+    assert 4.9 < top_m_s <= 5.0 + 1e-6
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, Mode.LAND), (3, Mode.RTL), (4, Mode.LAND), (5, Mode.HOLD)])
+def test_a_lost_stream_is_a_failsafe_and_a_resumed_one_is_followed_again(action: int, mode: Mode) -> None:
+    client = _Client(parameters={"COM_OBL_RC_ACT": action, "MIS_TAKEOFF_ALT": 2.0})
+    client.take_off()
+    client.go_offboard()
+    client.run(0.9)
+    assert client.mode() is Mode.OFFBOARD
+    client.run(0.2)
+    assert client.mode() is mode and client.px4.commander.failsafe
+    client.run(1.0)
+    assert client.messages("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_CRITICAL
+    client.run(0.05, stream_hz=20)
+    assert client.mode() is Mode.OFFBOARD, "PX4 takes a resumed stream up by itself, even out of LAND"
+
+
+def test_return_goes_home_and_lands_there() -> None:
+    client = _Client(parameters={"COM_OBL_RC_ACT": 5, "MIS_TAKEOFF_ALT": 2.0})
+    client.take_off()
+    client.go_offboard()
+    client.run(6, stream_hz=20, point=(4.0, 3.0, -2.0, 0, 0, 0, 0))
+    client.set_mode(_HOLD)
+    assert client.set_mode((4, 5)) == [0, 0]
+    client.run(20)
+    assert client.px4.commander.landed and not client.px4.commander.armed
+    assert client.px4.commander.airframe.p_enu_m == pytest.approx((0.0, 0.0, 0.0), abs=0.5)
+
+
+def test_a_longer_loss_time_is_honoured(client: _Client) -> None:
+    assert client.px4.order("parameter COM_OF_LOSS_T 3.0") is None
+    client.take_off()
+    client.go_offboard()
+    client.run(2.8)
+    assert client.mode() is Mode.OFFBOARD
+    client.run(0.3)
+    assert client.px4.commander.failsafe
+
+
+def test_landing_out_of_offboard_returns_to_it_after_disarming(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    client.set_mode(_LAND)
+    client.run(8)
+    assert not client.px4.commander.armed and client.mode() is Mode.OFFBOARD
+
+
+def test_landing_by_failsafe_also_returns_to_it() -> None:
+    client = _Client(parameters={"COM_OBL_RC_ACT": 4})
+    client.take_off()
+    client.go_offboard()
+    client.run(9)
+    assert not client.px4.commander.armed and client.mode() is Mode.OFFBOARD
+
+
+def test_hold_on_the_way_down_leaves_offboard_for_good(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    client.set_mode(_HOLD)
+    client.set_mode(_LAND)
+    client.run(8, stream_hz=20)
+    assert not client.px4.commander.armed and client.mode() is Mode.HOLD
+
+
+def test_a_pilot_keeps_the_mode_against_the_stream_but_not_against_a_request(client: _Client) -> None:
+    client.take_off()
+    client.go_offboard()
+    assert client.px4.order("pilot POSCTL") is None
+    client.run(2, stream_hz=20)
+    assert client.mode() is Mode.POSCTL
+    assert client.messages("HEARTBEAT")[-1].custom_mode == 3 << 16
+    assert client.set_mode(_OFFBOARD) == [0, 0], "which is why a companion must not ask again"
+    assert client.mode() is Mode.OFFBOARD
+
+
+def test_a_person_flies_with_the_sticks(client: _Client) -> None:
+    client.run(20.0)
+    for velocity, seconds in (("0 0 1", 1.5), ("0.5 0 0", 2.0), ("0 0 0", 2.0)):
+        assert client.px4.order(f"sticks {velocity}") is None
+        client.run(seconds)
+    commander = client.px4.commander
+    assert commander.armed and not commander.landed and client.mode() is Mode.POSCTL
+    assert commander.airframe.p_enu_m == pytest.approx((1.0, 0.0, 1.5), abs=0.3)
+    assert commander.airframe.v_enu_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+
+
+def test_everything_the_companion_sends_is_counted(client: _Client) -> None:
+    client.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    client.set_mode(_HOLD)
+    before = dict(client.px4.report(client.now_ns).received)
+    client.set_mode(_HOLD)
+    after = client.px4.report(client.now_ns).received
+    assert before["COMMAND_LONG 512"] == 1
+    assert {name: count - before.get(name, 0) for name, count in after.items() if count != before.get(name, 0)} == {
+        "COMMAND_LONG 176": 1
+    }
+
+
+def test_counters_of_the_stream(client: _Client) -> None:
+    client.take_off()
+    client.run(1, stream_hz=20)
+    outside = client.px4.commander.stream.received
+    assert 20 <= outside <= 21
+    client.set_mode(_OFFBOARD)
+    client.run(2, stream_hz=20)
+    client.run(0.4)
+    client.run(2, stream_hz=20)
+    client.set_mode(_HOLD)
+    client.run(1, stream_hz=20)
+    report = client.px4.report(client.now_ns)
+    assert report.setpoints_in_offboard == pytest.approx(80, abs=2)
+    assert report.setpoints_outside == report.setpoints - report.setpoints_in_offboard
+    assert report.offboard_s == pytest.approx(4.4, abs=0.03)
+    assert report.largest_gap_s == pytest.approx(0.45, abs=0.05)
+    assert [mode for _, mode in report.history] == ["HOLD", "TAKEOFF", "HOLD", "OFFBOARD", "HOLD"]
+    truth = client.px4.truth(client.now_ns)
+    assert (truth.setpoints, truth.mode, truth.armed) == (report.setpoints, "HOLD", True)
+
+
+def test_mute(client: _Client) -> None:
+    client.px4.order("mute heartbeats")
+    client.run(3)
+    assert not client.messages("HEARTBEAT") and client.messages("ATTITUDE")
+    client.px4.order("mute everything")
+    before = len(client.heard)
+    client.run(1)
+    assert len(client.heard) == before
+    client.px4.order("mute nothing")
+    client.run(1.1)
+    assert client.messages("HEARTBEAT")
+
+
+def test_gusts_are_seeded_and_push_the_airframe() -> None:
+    ends = []
+    for seed in (1, 1, 2, None):
+        client = _Client(seed=seed)
+        client.take_off()
+        client.run(5)
+        ends.append(client.px4.commander.airframe.p_enu_m)
+    assert ends[0] == ends[1] != ends[2]
+    assert 0.001 < math.dist(ends[0], ends[3]) < 0.5
+
+
+def test_orders_that_make_no_sense_are_named(client: _Client) -> None:
+    for text in ("", "dance", "pilot NOWHERE", "battery full", "parameter NO_SUCH 1", "parameter COM_OBL_RC_ACT x"):
+        error = client.px4.order(text)
+        assert error is not None and repr(text) in error
+    assert client.px4.order("battery 0.1") is None
+    client.run(2.1)
+    assert client.messages("BATTERY_STATUS")[-1].battery_remaining == 10

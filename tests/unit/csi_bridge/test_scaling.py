@@ -1,0 +1,98 @@
+"""Absolute units and spatial mapping, against csiread on real layout-20 captures."""
+
+from __future__ import annotations
+
+import csiread
+import numpy as np
+import pytest
+
+from csi_bridge.dat import read_dat
+from csi_bridge.parser import CsiLogParser
+from csi_bridge.records import CsiRecord
+from csi_bridge.scaling import (
+    power_csi,
+    scaled_csi,
+    subcarrier_indices,
+    total_rss_dbm,
+    without_spatial_mapping,
+)
+from tests.csi_records import needs_data
+from tests.paths import DATA
+
+SAMPLES = DATA / "csi_samples"
+
+
+def records(name: str, count: int = 40) -> list[CsiRecord]:
+    parser = CsiLogParser()
+    found: list[CsiRecord] = []
+    parser.feed((SAMPLES / name).read_bytes())
+    while len(found) < count and (item := parser.next_record()) is not None:
+        if isinstance(item[1], CsiRecord):
+            found.append(item[1])
+    return found
+
+
+@needs_data
+@pytest.mark.parametrize("name", ["sample_0x1_ap.dat", "sample_0x5_64_3000.dat"])
+def test_scaled_csi_is_that_of_csiread(name: str) -> None:
+    ours = records(name)
+    n_rx, n_tx = ours[0].n_rx, max(record.n_tx for record in ours)
+    oracles = [csiread.Intel(str(SAMPLES / name), nrxnum=n_rx, ntxnum=n_tx, if_report=False) for _ in range(2)]
+    for oracle in oracles:
+        oracle.read()
+    # One each: either call changes what the other is made of.
+    rss, theirs = oracles[0].get_total_rss(), oracles[1].get_scaled_csi()
+    for number, record in enumerate(ours):
+        expected = theirs[number, :, :n_rx, : record.n_tx]
+        np.testing.assert_allclose(scaled_csi(record), expected, rtol=2e-3, atol=1e-3)
+        assert total_rss_dbm(record.rssi, record.agc) == pytest.approx(
+            rss[number], abs=0.1
+        )  # it uses a table of powers
+
+
+@needs_data
+def test_spatial_mapping_is_that_of_csiread_at_all_its_rates() -> None:
+    name = "sample_0x1_ap.dat"
+    oracle = csiread.Intel(str(SAMPLES / name), nrxnum=3, ntxnum=2, if_report=False)
+    oracle.read()
+    theirs = oracle.get_scaled_csi_sm()
+    seen = set()
+    for number, record in enumerate(records(name, 540)):
+        ours = without_spatial_mapping(scaled_csi(record), record.rate)
+        np.testing.assert_allclose(ours, theirs[number, :, :3, : record.n_tx], rtol=2e-3, atol=2e-2)
+        seen.add((record.n_tx, record.rate))
+    assert len(seen) > 2
+
+
+@pytest.mark.parametrize("rate", [0x100, 0x100 | 0x800])
+@pytest.mark.parametrize("n_tx", [2, 3])
+def test_what_the_sender_mixed_is_taken_apart(rate: int, n_tx: int) -> None:
+    rng = np.random.default_rng(n_tx)
+    channel = (rng.normal(size=(30, 3, n_tx)) + 1j * rng.normal(size=(30, 3, n_tx))).astype(np.complex64)
+    unit = without_spatial_mapping(np.eye(n_tx, dtype=np.complex64)[np.newaxis], rate)[0]
+    assert np.abs(unit @ unit.conj().T - np.eye(n_tx)).max() < 1e-6  # it loses nothing
+    mixed = channel @ unit.conj().T
+    np.testing.assert_allclose(without_spatial_mapping(mixed, rate), channel, atol=1e-5)
+    assert without_spatial_mapping(channel, 0x4) is channel  # not an HT rate
+    assert without_spatial_mapping(channel[..., :1], rate).shape == (30, 3, 1)
+
+
+def test_subcarriers_of_both_bandwidths() -> None:
+    narrow, wide = subcarrier_indices(0x101), subcarrier_indices(0x101 | 0x800)
+    assert narrow.tolist() == [*range(-28, 0, 2), -1, *range(1, 28, 2), 28]
+    assert (wide[0], wide[-1]) == (-58, 58)
+    assert np.unique(np.diff(wide)).tolist() == [4]
+    assert len(wide) == len(narrow) == 30
+
+
+@needs_data
+def test_power_is_that_of_rssi_and_gain() -> None:
+    record = records("sample_0x5_64_3000.dat", 1)[0]
+    power_mw = float(np.square(np.abs(power_csi(record))).sum(axis=(1, 2)).mean())
+    assert 10 * np.log10(power_mw) == pytest.approx(total_rss_dbm(record.rssi, record.agc), abs=1e-3)
+    log = read_dat(SAMPLES / "sample_0x5_64_3000.dat")
+    assert -100 < total_rss_dbm((int(log.rssi[0, 0]), int(log.rssi[0, 1]), int(log.rssi[0, 2])), int(log.agc[0])) < 0
+
+
+def test_an_empty_report_stays_empty() -> None:
+    assert total_rss_dbm((0, 0, 0), 30) == -np.inf
