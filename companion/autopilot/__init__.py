@@ -1,1 +1,5 @@
-"""See docs/architecture.md."""
+"""The vehicle's edge: one protocol (`port`), MAVSDK behind it, and what stands before it.
+
+Telemetry comes in as snapshots in ENU; set points, commands and odometry go out. NED, MAVLink and the library's traps
+end here; nothing here decides.
+"""
