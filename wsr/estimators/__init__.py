@@ -1,7 +1,10 @@
-"""Estimators by name, as config and command line choose them: `ESTIMATORS` makes one with its defaults.
+"""Estimators: a checked aperture in, a direction with what it is worth and a profile out; pure and deterministic.
 
-`bartlett` is the paper's, `robust` the default, `music` the subspace method; `far_field.FarField` reads plane waves.
-`warm_up` loads or compiles the machine code of `robust`.
+`ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
+`bartlett` (the paper's), `music` (the subspace method). `estimate_aoa` is `robust` in one call;
+`far_field.FarField` reads plane waves alone. The modules are steps of these: `preparation`, `stretches` and
+`source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up` loads or compiles
+the machine code of `robust`.
 """
 
 from __future__ import annotations
@@ -11,13 +14,19 @@ from collections.abc import Callable
 import numpy as np
 
 from wsr import kernel
-from wsr.aoa import Estimator
+from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture
 from wsr.estimators.bartlett import Bartlett
 from wsr.estimators.music import Music
 from wsr.estimators.robust import Robust
+from wsr.profile import Profile
 
 ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
+
+
+def estimate_aoa(aperture: Aperture) -> tuple[AoaEstimate, Profile]:
+    """The `robust` estimate with its defaults. Raises ApertureError."""
+    return Robust().estimate(aperture)
 
 
 def warm_up() -> None:

@@ -24,8 +24,8 @@ from csi_bridge.encoder import encode_body
 from csi_bridge.records import CSI_CODE, CsiRecord
 from csi_bridge.source import SourceCounters
 from tests.sim_scenes import BEACON_MAC, UAV_MAC, scene, straight, weave
-from wsr.aoa import estimate_aoa
 from wsr.channel import wavelength_m
+from wsr.estimators import estimate_aoa
 from wsr.geometry import direction, great_circle
 
 KEY = b"k" * 32
