@@ -45,10 +45,6 @@ class MavsdkLink:
         self._mavsdk: Any = None
         self._direct: Any = None
 
-    @property
-    def is_open(self) -> bool:
-        return self._direct is not None
-
     async def open(self, timeout_s: float) -> None:
         """Raises AutopilotError when the port is taken or no autopilot is heard within `timeout_s`."""
         _refuse_taken_port(self.url)

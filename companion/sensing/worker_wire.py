@@ -91,11 +91,6 @@ def aperture_of(request: AoaRequest) -> Aperture:
     )
 
 
-def profile_power(result: AoaResult) -> npt.NDArray[np.float16]:
-    """Power of the profile, shape (180, 360)."""
-    return np.frombuffer(result.profile, np.float16).reshape(180, 360)
-
-
 def frame(message: AoaRequest | AoaResult) -> bytes:
     body = msgspec.msgpack.encode(message)
     return LENGTH.pack(len(body)) + body
