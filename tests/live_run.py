@@ -20,7 +20,7 @@ import numpy as np
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import Options
 from companion.analysis.runs import Run, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, read_trajectory
 from companion.config.schema import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
@@ -231,7 +231,7 @@ def _beacon_node(robot: _Robot, recorder: Recorder) -> Node:
     return node
 
 
-async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory, duration_s: float) -> None:
+async def _play(timeline: Timeline, robots: list[_Robot], trajectory: RecordedTrajectory, duration_s: float) -> None:
     uav = robots[0]
     keep = np.isfinite(trajectory.p_enu_m).all(axis=1)
     pose_s, pose_m = trajectory.t_s[keep] - uav.play_from_s, trajectory.p_enu_m[keep]

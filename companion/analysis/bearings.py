@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.analysis.exchanges import PacketTimes, damage, heard_s, join, read_log, transmitter_mac
-from companion.analysis.result import Bearing, LinkResult, Options, RunResult
+from companion.analysis.result import Direction, LinkResult, Options, RunResult
 from companion.analysis.runs import RecordingError, Run
 from companion.analysis.scene import (
     MAX_POSE_GAP_S,
@@ -138,7 +138,7 @@ def _estimated(scene: Scene, joined: _Joined, estimator: Estimator) -> LinkResul
     offset_m = np.subtract(estimate.reference_p_m, aperture.reference_p_m)
     result = replace(result, estimate=estimate, profile=profile, notes=notes)
     try:
-        return replace(result, truth=_true_bearing(scene, result.name, joined.t_s, offset_m))
+        return replace(result, truth=_true_direction(scene, result.name, joined.t_s, offset_m))
     except _UnknownTruth as error:
         return replace(result, truth_problem=str(error))
 
@@ -171,7 +171,9 @@ class _UnknownTruth(CompanionError):
     """Where the two robots were is not known."""
 
 
-def _true_bearing(scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]) -> Bearing:
+def _true_direction(
+    scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]
+) -> Direction:
     """From the estimate's reference point: the mean true position at the packets plus `offset_m`, which is how far the
     estimator's weights move it. Raises _UnknownTruth."""
     if scene.truth is None:
@@ -188,4 +190,4 @@ def _true_bearing(scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_
             f"the receiver's true place is not known: {scene.mocap.path}: has poses at {seen} of {len(t_s)} packets"
         )
     azimuth_rad, polar_rad = angles(scene.truth.transmitters[name] - p_m[inside].mean(axis=0) - offset_m)
-    return Bearing(float(azimuth_rad), float(polar_rad))
+    return Direction(float(azimuth_rad), float(polar_rad))

@@ -22,7 +22,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, TrajectoryError, read_trajectory
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, TrajectoryError, read_trajectory
 from companion.core.messages import Vector3
 from companion.core.streams import CSI, POSE, Part, Stream
 from companion.errors import CompanionError
@@ -42,7 +42,7 @@ _Timed = tuple[int, int, Stream, object]
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class ImportedScene:
     """What a recording is of, as its log's metadata holds it."""
 
     stamp: str
@@ -60,7 +60,7 @@ class Scene:
     """What was wrong with the files when they were imported."""
 
 
-def import_run(run: Run, target: Path, options: Options) -> Scene:
+def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
     """Writes one run as a log. Problems of single files are in the result. Raises CompanionError when there is no CSI
     of the receiving robot, a file that was given by name cannot be read, or `target` cannot be written."""
     if run.rx is None:
@@ -85,13 +85,13 @@ def import_run(run: Run, target: Path, options: Options) -> Scene:
     return scene
 
 
-def scene_of(session: Session) -> Scene:
+def scene_of(session: Session) -> ImportedScene:
     """Raises CompanionError for a log of another kind."""
     scan = LogScan(session.paths[0], ())
     for _ in scan:
         pass
     try:
-        return msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=Scene)
+        return msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=ImportedScene)
     except (KeyError, msgspec.DecodeError):
         raise CompanionError(f"{session.paths[0]}: no imported recording (metadata {RECORDING!r} is missing)") from None
 
@@ -136,7 +136,7 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
     return sorted(chosen)
 
 
-def export_run(session: Session, folder: Path) -> tuple[Run, Scene]:
+def export_run(session: Session, folder: Path) -> tuple[Run, ImportedScene]:
     """All files of a recording below `folder`, as the run they are. Raises OSError, and CompanionError for a log
     without a run."""
     scene = scene_of(session)
@@ -155,7 +155,7 @@ def analyze_session(session: Session, kind: PoseKind | None = None, estimator: s
         return _renamed(analyze_run(run, options), name, scene)
 
 
-def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
+def _scene(run: Run, options: Options, problems: list[str]) -> ImportedScene:
     truth = None
     if run.truth is not None:
         try:
@@ -163,7 +163,7 @@ def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
         except RecordingError as error:
             problems.append(str(error))
     places = {} if truth is None else {name: _vector(p) for name, p in truth.transmitters.items()}
-    return Scene(
+    return ImportedScene(
         run.stamp,
         run.set_name,
         run.folder.resolve().name,
@@ -177,11 +177,11 @@ def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
     )
 
 
-def _place(folder: Path, scene: Scene) -> Path:
+def _place(folder: Path, scene: ImportedScene) -> Path:
     return folder / (scene.set_name or "set") / (scene.folder or "run")
 
 
-def _run_at(place: Path, scene: Scene) -> Run:
+def _run_at(place: Path, scene: ImportedScene) -> Run:
     rx = place / f"csi_rx_{scene.stamp}.dat"
     if not scene.loose:
         if not any(place.glob(f"csi_*_{scene.stamp}.dat")):
@@ -225,7 +225,7 @@ def _pose_messages(path: Path, kind: PoseKind, problems: list[str]) -> list[_Tim
     return [(t_ns, number, stream, pose) for number, (t_ns, pose) in enumerate(_poses(trajectory))]
 
 
-def _poses(trajectory: Trajectory) -> Iterator[tuple[int, PoseInFrame]]:
+def _poses(trajectory: RecordedTrajectory) -> Iterator[tuple[int, PoseInFrame]]:
     for index, t_s in enumerate(trajectory.t_s.tolist()):
         seconds = int(t_s // 1)
         t_ns = seconds * 1_000_000_000 + round((t_s - seconds) * 1e9)
@@ -245,13 +245,13 @@ def _csv_row(data: bytes) -> str:
     return f"{logged.timestamp.seconds},{logged.timestamp.nanos}," + ",".join(map(repr, values)) + "\n"
 
 
-def _truth_text(scene: Scene) -> str:
+def _truth_text(scene: ImportedScene) -> str:
     positions = {name: {"position": dict(zip("xyz", place, strict=True))} for name, place in scene.transmitters.items()}
     content = {"channel": {"value": scene.truth_channel}, "true_tx_positions": {"value": positions}}
     return json.dumps(content, indent=1)
 
 
-def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:
+def _renamed(result: RunResult, folder: str, scene: ImportedScene) -> RunResult:
     """Messages without the name of a folder that is gone."""
 
     def plain(text: str) -> str:

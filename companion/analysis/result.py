@@ -27,7 +27,7 @@ DEFAULT_LEVERS_M: Final[Mapping[PoseKind, Vector3]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Bearing:
+class Direction:
     """A direction in ENU: azimuth counter-clockwise from East, polar angle from Up."""
 
     azimuth_rad: float
@@ -44,7 +44,7 @@ class LinkResult:
     dropped: Mapping[str, int] = field(default_factory=dict)
     estimate: AoaEstimate | None = None
     profile: Profile | None = None
-    truth: Bearing | None = None
+    truth: Direction | None = None
     """From the estimate's own reference point, where that is known in the frame of the true positions."""
     truth_problem: str | None = None
     """Why there is no truth beside an estimate."""

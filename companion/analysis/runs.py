@@ -42,7 +42,7 @@ class RecordingError(CompanionError):
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class Survey:
     """The surveyed part of a recording."""
 
     path: Path
@@ -102,7 +102,7 @@ def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind |
     )
 
 
-def read_truth(path: Path) -> Truth:
+def read_truth(path: Path) -> Survey:
     """Channel and true positions. Raises RecordingError that names the file and the key."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -122,7 +122,7 @@ def read_truth(path: Path) -> Truth:
             raise RecordingError(
                 f"{path}: position of {name} is {p.tolist()}; expected metres within 1e5 of the origin"
             )
-    return Truth(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
+    return Survey(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
 
 
 def _whole(value: object) -> int:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from companion.analysis.exchanges import damage, read_log, senders
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
-from companion.analysis.runs import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Truth, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.analysis.runs import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Survey, read_truth
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, read_trajectory
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from csi_bridge.dat import CsiLog
@@ -29,12 +29,12 @@ class Scene:
     """What the links of a run have in common."""
 
     rx: CsiLog
-    trajectory: Trajectory
+    trajectory: RecordedTrajectory
     p_antenna_m: npt.NDArray[np.float64]
-    mocap: Trajectory | None
+    mocap: RecordedTrajectory | None
     place_problem: str
     """Why there is no motion capture; empty where there is."""
-    truth: Truth | None
+    truth: Survey | None
     wavelength_m: float
     as_sent: bool
 
@@ -68,7 +68,7 @@ def lever_of(kind: PoseKind | None, options: Options) -> Vector3:
 
 
 def read_scene(
-    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Truth | None, problems: list[str]
+    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Survey | None, problems: list[str]
 ) -> Scene:
     rx = read_log(rx_path)
     problems += damage(rx)
@@ -91,7 +91,7 @@ def read_scene(
     return Scene(rx, trajectory, p_antenna_m, mocap, place_problem, truth, wavelength, options.as_sent)
 
 
-def _check_overlap(trajectory: Trajectory, packet_t_s: npt.NDArray[np.float64], path: Path) -> None:
+def _check_overlap(trajectory: RecordedTrajectory, packet_t_s: npt.NDArray[np.float64], path: Path) -> None:
     if not np.all(np.isfinite(packet_t_s)):
         raise RecordingError(f"{path}: its records have no host time (stock driver), so no trajectory can be joined")
     if len(packet_t_s) == 0:
@@ -103,7 +103,7 @@ def _check_overlap(trajectory: Trajectory, packet_t_s: npt.NDArray[np.float64], 
         raise RecordingError(f"{trajectory.path}: no time overlap: the trajectory {apart} the packets of {path.name}")
 
 
-def truth_of(run: Run) -> tuple[Truth | None, str | None]:
+def truth_of(run: Run) -> tuple[Survey | None, str | None]:
     """The truth, or why there is none."""
     if run.truth is None:
         return None, f"{run.folder}: {TRUTH_NAME} is missing, here and in the folder above"
@@ -113,7 +113,7 @@ def truth_of(run: Run) -> tuple[Truth | None, str | None]:
         return None, str(error)
 
 
-def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64]:
+def _antenna(trajectory: RecordedTrajectory, lever_m: Vector3) -> npt.NDArray[np.float64]:
     if lever_m == NO_LEVER:
         return trajectory.p_enu_m
     if trajectory.q_wxyz is None:
@@ -121,7 +121,7 @@ def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64
     return antenna_positions(trajectory.p_enu_m, trajectory.q_wxyz, np.array(lever_m))
 
 
-def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> tuple[Trajectory | None, str]:
+def _mocap(run: Run, trajectory: RecordedTrajectory, problems: list[str]) -> tuple[RecordedTrajectory | None, str]:
     """Motion capture, for the reference point of the truth only, or why there is none."""
     if trajectory.origin_is_true:
         return trajectory, ""
@@ -135,7 +135,9 @@ def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> tuple[Traje
         return None, str(error)
 
 
-def _disagreement(trajectory: Trajectory, p_m: npt.NDArray[np.float64], mocap: Trajectory) -> Iterator[str]:
+def _disagreement(
+    trajectory: RecordedTrajectory, p_m: npt.NDArray[np.float64], mocap: RecordedTrajectory
+) -> Iterator[str]:
     """Says that a tracker failed, where motion capture shows it; the bearing does not depend on this."""
     seen, valid = interpolate(trajectory.t_s, mocap.t_s, mocap.p_enu_m, MAX_POSE_GAP_S)
     if np.any(valid):

@@ -38,7 +38,7 @@ class TrajectoryError(CompanionError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+class RecordedTrajectory:
     """Positions over time in axes that agree with the truth's: x, y, z taken as East, North, Up.
 
     Only differences of positions are used, except in motion capture, whose origin is the truth's too.
@@ -61,7 +61,7 @@ class Trajectory:
         return self.kind is PoseKind.MOCAP
 
 
-def read_trajectory(path: Path, kind: PoseKind) -> Trajectory:
+def read_trajectory(path: Path, kind: PoseKind) -> RecordedTrajectory:
     """Rows of `sec, nsec, x, y, z[, qx, qy, qz, qw, ...]`, where sec may be fractional. Raises TrajectoryError.
 
     A line of headings, comments (#) and a byte order mark are passed over, and so is a last line that is cut off.
@@ -82,7 +82,7 @@ def read_trajectory(path: Path, kind: PoseKind) -> Trajectory:
     jumps = _jumps(t_s, p_m)
     if jumps:
         problems.append(f"{path}: {jumps} jumps of more than 0.1 m; the tracker lost itself")
-    return Trajectory(path, kind, t_s, p_m, q_wxyz, tuple(problems))
+    return RecordedTrajectory(path, kind, t_s, p_m, q_wxyz, tuple(problems))
 
 
 def guess_kind(path: Path) -> PoseKind:

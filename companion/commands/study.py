@@ -21,7 +21,7 @@ from companion.study.catalogue import study as load_study
 from companion.study.local import ProcessRunner
 from companion.study.report import draw, findings_table, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
-from companion.study.trials import Runner, RunnerError, TrialError
+from companion.study.trials import RunnerError, TrialError, TrialRunner
 
 ALL = "all"
 _PAGE = "report.html"
@@ -146,7 +146,7 @@ class _Done:
 
 
 def _runner(cluster: str | None, jobs: int) -> Any:
-    """A context manager that gives a `Runner`."""
+    """A context manager that gives a `TrialRunner`."""
     if cluster is None:
         return nullcontext(ProcessRunner(jobs))
     from companion.study.cluster import DaskRunner
@@ -154,7 +154,7 @@ def _runner(cluster: str | None, jobs: int) -> Any:
     return DaskRunner(cluster)
 
 
-def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner) -> Outcome:
+def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner) -> Outcome:
     start = time.monotonic()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
@@ -169,7 +169,7 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner
     )
 
 
-def _print(outcome: Outcome, runner: Runner, console: Console) -> None:
+def _print(outcome: Outcome, runner: TrialRunner, console: Console) -> None:
     console.print(findings_table(outcome))
     for note in outcome.notes:
         console.print(f"  {note}", markup=False, highlight=False)

@@ -14,7 +14,7 @@ from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.clock_relation import ClockRelation, Offset
 from companion.neighbours.pairing import Pairing
-from companion.neighbours.session import Session
+from companion.neighbours.session import SenderSession
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
@@ -75,7 +75,7 @@ class Neighbour:
 
     id: int
     name: str
-    session: Session = field(default_factory=lambda: Session(None))
+    session: SenderSession = field(default_factory=lambda: SenderSession(None))
     relation: ClockRelation = field(default_factory=lambda: ClockRelation(we_ping=True))
     heard_ns: int | None = None
     accepted: int = 0

@@ -30,9 +30,9 @@ def _source(config: Config, clock: Clock, sink: PoseSink) -> Poses:
 
         return NatNetPoses(pose.natnet, clock, sink)
     if pose.source == "recording":
-        from companion.pose.recording import RecordedPoses
+        from companion.pose.recording import FilePoses
 
-        recording = RecordedPoses(config.path(pose.recording), clock, sink)
+        recording = FilePoses(config.path(pose.recording), clock, sink)
         if not recording.has_attitudes and any(pose.antenna_m):
             raise CompanionError(
                 f"pose.recording {pose.recording}: has no attitudes, so the antenna cannot be placed by pose.antenna_m "

@@ -32,7 +32,7 @@ class _Row:
     q_wxyz: Quaternion
 
 
-class RecordedPoses:
+class FilePoses:
     """Plays a file from its first pose, stamped from now on. Raises CompanionError naming the file and the line."""
 
     def __init__(self, path: Path, clock: Clock, on_pose: PoseSink) -> None:

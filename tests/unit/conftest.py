@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from companion.cli import main
-from tests.analyze_command import TX_PLACE, Cli, Outcome
+from tests.analyze_command import TX_PLACE, Cli, Ended
 from tests.synthetic_run import RunFolder, write_run
 
 
@@ -18,7 +18,7 @@ from tests.synthetic_run import RunFolder, write_run
 def cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Cli:
     """`companion analyze ARGS` in this process, in an empty folder."""
 
-    def run(*arguments: str | Path) -> Outcome:
+    def run(*arguments: str | Path) -> Ended:
         monkeypatch.setattr(sys, "argv", ["companion", "analyze", *map(str, arguments)])
         monkeypatch.chdir(tmp_path)
         code: Any = 0
@@ -27,7 +27,7 @@ def cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp
         except SystemExit as exit_:
             code = exit_.code or 0
         captured = capsys.readouterr()
-        return Outcome(code, captured.out, captured.err)
+        return Ended(code, captured.out, captured.err)
 
     return run
 

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.ablation import DEFAULT, ROWS
 from benchmarks.crossvalidation import HELD_OUT, OWN, Choice, bootstrap, folds, grid
 from benchmarks.document import ESTIMATION, replace_part
-from benchmarks.recorded import PUBLISHED, Link, Trials, cells, missed, table
+from benchmarks.recorded import PUBLISHED, RecordedLink, Trials, cells, missed, table
 from wsr.estimators.options import RobustOptions
 
 STEPS = [field.name for field in fields(RobustOptions) if isinstance(getattr(DEFAULT, field.name), bool)]
@@ -46,7 +46,7 @@ def test_the_document_has_the_part(name: str, tmp_path: Path) -> None:
 
 
 def test_what_is_held_out_has_no_part_in_the_choice() -> None:
-    links = [Link("LOS_Set_A mocap", place, "tx2", f"run {place}") for place in ("L2", "L6", "L9")]
+    links = [RecordedLink("LOS_Set_A mocap", place, "tx2", f"run {place}") for place in ("L2", "L6", "L9")]
     # The second choice is better everywhere but at L9, where it fails.
     done = Trials(links, np.array([[5.0, 5.0, 5.0], [1.0, 1.0, 90.0]]), np.full((2, 3), np.nan))
     choices = [OWN, Choice(1.0, (1,), 0.1)]
@@ -62,7 +62,7 @@ def test_what_is_held_out_has_no_part_in_the_choice() -> None:
 
 def test_the_default_is_in_the_grid_and_cells_are_compared_with_the_published_figures() -> None:
     assert OWN in grid()
-    links = [Link(cell, "L2", "tx2", "run") for cell in (*PUBLISHED, "3D mocap")]
+    links = [RecordedLink(cell, "L2", "tx2", "run") for cell in (*PUBLISHED, "3D mocap")]
     errors = np.array([7.0 if link.cell == "LOS_Set_B t265" else 1.0 for link in links])
     assert missed(cells(links, errors)) == [("LOS_Set_B t265", "median")]
     row = list(table(links, [("name", errors, errors)]))[-1]

@@ -21,7 +21,7 @@ from companion.neighbours.keys import read_key, write_key
 from companion.neighbours.neighbour import Standing
 from companion.neighbours.pairing import Pairing
 from companion.neighbours.receiver import NeighbourReceiver
-from companion.neighbours.session import ReplayWindow, Session, Verdict
+from companion.neighbours.session import Freshness, ReplayWindow, SenderSession
 from companion.radio.traffic import Traffic, sent_bytes
 from companion.sensing.lookalikes import Lookalikes
 from tests.unit.companion.neighbours.test_wire import KEY, KEYS, boot, datagram
@@ -66,10 +66,10 @@ def test_each_counter_is_fresh_once_within_a_window() -> None:
 
 
 def test_an_old_boot_that_was_never_heard_live_is_a_replay_not_a_rival() -> None:
-    session = Session(None)
+    session = SenderSession(None)
     for number in range(20):
-        assert session.judge(boot(9), number, number * NS_PER_S) is Verdict.FRESH
-        assert session.judge(boot(3), number, number * NS_PER_S) is Verdict.REPLAY
+        assert session.judge(boot(9), number, number * NS_PER_S) is Freshness.FRESH
+        assert session.judge(boot(3), number, number * NS_PER_S) is Freshness.REPLAY
     assert session.rivals is None
 
 

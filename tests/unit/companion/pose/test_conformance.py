@@ -29,7 +29,7 @@ from companion.pose.intake import PoseIntake
 from companion.pose.natnet import NatNetPoses
 from companion.pose.opening import open_poses
 from companion.pose.port import Poses
-from companion.pose.recording import RecordedPoses
+from companion.pose.recording import FilePoses
 from companion.pose.source import PoseSource
 from tests.paths import CONFIGS
 from wsr.geometry import rotate
@@ -158,7 +158,7 @@ async def _natnet(folder: Path) -> AsyncIterator[Driven]:
 async def _recorded(folder: Path, line: Callable[[float, Vector3], str], name: str) -> AsyncIterator[Driven]:
     path, got = folder / name, list[Pose]()
     path.write_text("# t and pose\n" + "".join(line(_wait_s(i), p) for i, p in enumerate(_WAY)))
-    yield Driven(RecordedPoses(path, _CLOCK, got.append), lambda index, p: None, got)
+    yield Driven(FilePoses(path, _CLOCK, got.append), lambda index, p: None, got)
 
 
 def _tum(folder: Path) -> contextlib.AbstractAsyncContextManager[Driven]:
@@ -276,7 +276,7 @@ async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> No
     """As the motion capture of the WSR data sets is; each row ends in a comma."""
     path, got = tmp_path / "rx_trajectory.csv", list[Pose]()
     path.write_text("".join(f"1000,{index * 10**7},{index},2,0.2,\n" for index in range(3)))
-    source = RecordedPoses(path, _CLOCK, got.append)
+    source = FilePoses(path, _CLOCK, got.append)
     await source.run()
     assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (1, 2, 0.2), (2, 2, 0.2)]
     assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
@@ -293,7 +293,7 @@ async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path
     times = [1000 + 0.001 * index for index in range(40)]
     times[7] = 999.0
     path.write_text("".join(f"{t_s} {index} 0 0 0 0 0 1\n" for index, t_s in enumerate(times)))
-    await RecordedPoses(path, _CLOCK, got.append).run()
+    await FilePoses(path, _CLOCK, got.append).run()
     assert [pose.p_enu_m[0] for pose in got] == [index for index in range(40) if index != 7]
 
 
@@ -313,6 +313,6 @@ def test_a_bad_recording_is_one_clear_error(tmp_path: Path, text: str, named: st
     path = tmp_path / "bad.tum"
     path.write_text(text)
     with pytest.raises(CompanionError, match=named):
-        RecordedPoses(path, _CLOCK, lambda _: None)
+        FilePoses(path, _CLOCK, lambda _: None)
     with pytest.raises(CompanionError, match="cannot be read"):
-        RecordedPoses(tmp_path / "missing", _CLOCK, lambda _: None)
+        FilePoses(tmp_path / "missing", _CLOCK, lambda _: None)
