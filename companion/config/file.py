@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import yaml
 
+from companion.config.rules import config_errors
 from companion.config.schema import Config
 from companion.errors import ConfigError
 
@@ -42,7 +43,7 @@ def config_of(document: dict[str, Any], where: str) -> Config:
     errors: list[str] = []
     config = _build(Config, document, "", errors)
     if config is not None and not errors:
-        errors = config.errors()
+        errors = config_errors(config)
     if errors or config is None:
         count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
         raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in errors))
