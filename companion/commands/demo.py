@@ -11,10 +11,11 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
+from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.terminal import wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
-from companion.sim.demo_view import LiveTable, rows_table, summary_lines
 
 _PIPE_WIDTH = 140
 
@@ -42,9 +43,7 @@ def demo(seed: int, max_time: float, out: Path, json_path: Path | None) -> None:
     _check_writable(out, json_path)
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_WIDTH)  # a pipe or file has no width of its own; 80 columns would cut the table
+    console = wide_console(_PIPE_WIDTH)
     with LiveTable(console) as table:
         try:
             run = asyncio.run(run_demo(seed, out, max_time, table.show))

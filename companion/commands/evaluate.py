@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -17,9 +16,12 @@ from rich.progress import Progress
 from companion.analysis.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
-from companion.analysis.tables import figures_table, lever_line
+from companion.analysis.summary import lever_line
 from companion.analysis.trajectories import PoseKind
 from companion.commands.output_files import check_writable, writing
+from companion.commands.recordings import lever_option
+from companion.commands.tables import figures_table
+from companion.commands.terminal import wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -54,12 +56,7 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=lambda: os.cpu_count() or 1, help="Processes.  [default: all cores]"
 )
-@click.option(
-    "--lever",
-    type=(float, float, float),
-    metavar="F L U",
-    help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
-)
+@lever_option
 @click.option("--json", "json_path", type=_path, help="Write the result, with a row for each link.")
 @click.option("--out", type=_path, help="Folder for the pictures: error CDFs, and error against links kept.")
 def evaluate(
@@ -78,11 +75,7 @@ def evaluate(
     never fitted to the truth. A link whose files are there but that gives no estimate, or whose truth is not known,
     counts as 180 degrees off; the reasons are listed.
     """
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_COLUMNS)
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
+    console = wide_console(_PIPE_COLUMNS)
     kind = PoseKind(poses)
     runs = find_runs(directory)
     check_writable(json_path, out)

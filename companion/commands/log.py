@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.commands.progress import tracked_bytes
+from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
+from companion.commands.terminal import wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
@@ -31,7 +32,7 @@ def log() -> None:
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 def info(paths: tuple[Path, ...], json_path: Path | None) -> None:
     """What a log holds; also of one that was cut off."""
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     infos = []
     for path in paths:
         with tracked_bytes(f"reading {path.name}") as progress:
@@ -97,13 +98,10 @@ def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) ->
 
 @log.command("import")
 @click.argument("run", required=False, metavar="[RUN]", type=_file)
-@click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
-@click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
-@click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
-@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
+@run_options
 @click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
 @click.option("--mac", "macs", multiple=True, metavar="NAME=MAC", help="Card of a transmitter that is not known.")
-@click.option("--lever", type=(float, float, float), metavar="F L U", help="Antenna from the tracked point [m].")
+@lever_option
 @click.option("--out", type=_file, default=Path("imported"), show_default=True, help="Folder for <set>_<TS>.mcap.")
 def import_(
     run: Path | None,
@@ -119,10 +117,7 @@ def import_(
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
     from companion.analysis.imported import import_run
     from companion.analysis.result import Options
-    from companion.commands.analyze import chosen_runs, macs_by_name
 
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
     runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
     failed = []
     begun = time.monotonic()

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from companion.commands.output_files import writing
 from companion.commands.progress import tracked_bytes, working
+from companion.commands.terminal import wide_console
 from companion.config.file import load_config
 from companion.config.schema import Config
 from companion.errors import CompanionError, ConfigError
@@ -79,7 +80,7 @@ def replay(
         _replay_recording(session, json_path, out)
         return
     config = session.config() if config_path is None else _other_config(config_path)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     begun = time.monotonic()
     with Player(session, config, exact=config_path is None) as player:
         if live_page:
@@ -193,11 +194,12 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
 def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
     """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
     from companion.analysis.imported import analyze_session
-    from companion.analysis.tables import as_json, note_lines, problem_lines, run_table
+    from companion.analysis.summary import as_json, note_lines, problem_lines
+    from companion.commands.tables import run_table
 
     with working("estimating"):
         result = analyze_session(session)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     console.print(run_table(result))
     for line in note_lines(result):
         console.print(f"  - {line}", markup=False, highlight=False, soft_wrap=True)
@@ -207,9 +209,9 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
         with writing(json_path):
             json_path.write_text(json.dumps(as_json([result]), indent=2, allow_nan=False) + "\n")
     if out is not None:
-        from companion.commands.analyze import draw
+        from companion.commands.recordings import draw_profiles
 
-        draw(result, out)
+        draw_profiles(result, out)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

@@ -1,4 +1,4 @@
-"""The UDP socket that datagrams leave and enter by."""
+"""The UDP socket that datagrams leave and enter by: broadcast or multicast, on the interface that was configured."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from companion.config.schema import Config
 from companion.errors import CompanionError
 
 _RECEIVE_BYTES: Final = 2048
-
-
 _AT_ONCE: Final = 256
 
 
@@ -41,22 +39,6 @@ class Link:
                 "broadcast address of a network of this host, or a multicast group with neighbours.interface"
             ) from None
 
-    def _choose_interface(self, address: str, interface: str | None) -> None:
-        """Raises CompanionError for an interface that is not there, OSError where the kernel refuses."""
-        try:
-            index = 0 if interface is None else socket.if_nametoindex(interface)
-        except OSError:
-            self._socket.close()
-            raise CompanionError(f"neighbours.interface {interface}: there is no such interface") from None
-        if _is_multicast(address):
-            # Without an interface the kernel takes that of the route to the group, if it has any.
-            member = socket.inet_aton(address) + socket.inet_aton("0.0.0.0") + struct.pack("@i", index)
-            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
-            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, member)
-            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
-        elif interface is not None:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode())
-
     def fileno(self) -> int:
         return self._socket.fileno()
 
@@ -80,6 +62,22 @@ class Link:
 
     def close(self) -> None:
         self._socket.close()
+
+    def _choose_interface(self, address: str, interface: str | None) -> None:
+        """Raises CompanionError for an interface that is not there, OSError where the kernel refuses."""
+        try:
+            index = 0 if interface is None else socket.if_nametoindex(interface)
+        except OSError:
+            self._socket.close()
+            raise CompanionError(f"neighbours.interface {interface}: there is no such interface") from None
+        if _is_multicast(address):
+            # Without an interface the kernel takes that of the route to the group, if it has any.
+            member = socket.inet_aton(address) + socket.inet_aton("0.0.0.0") + struct.pack("@i", index)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, member)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        elif interface is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode())
 
 
 def _is_multicast(address: str) -> bool:

@@ -1,4 +1,7 @@
-"""One neighbour: its poses, the channels it measured, its clock on ours."""
+"""One robot we listen to: what it is to us now, its poses, the channels it measured, its clock on ours.
+
+Takes datagrams that the receiver has authenticated; refuses those that cannot be, by reason.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +21,15 @@ from companion.neighbours.session import SenderSession
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
-
-_KEPT_DATAGRAMS: Final = 400  # 40 s at 10 Hz: longer than any aperture takes
-
-
+_KEPT_DATAGRAMS: Final = 400
+"""40 s at 10 Hz: longer than any aperture takes."""
 _STALE_NS: Final = 2 * NS_PER_S
-
-
 _LOST_NS: Final = 10 * NS_PER_S
-
-
 _MAX_SPEED_M_S: Final = 20.0
-
-
-_JUMP_M: Final = 0.5  # what a tracker's correction may move a pose at once
-
-
+_JUMP_M: Final = 0.5
+"""What a tracker's correction may move a pose at once."""
 _SETTLED: Final = 5
-
-
 _US_ROUND: Final = 1 << 32
-
-
 _LONGEST_ECHO_US: Final = 5_000_000
 
 

@@ -1,4 +1,4 @@
-"""What the neighbours broadcast: who is there and how far to trust it, their poses and the channels they measured."""
+"""Datagrams in, neighbours out: each datagram is authenticated, judged and filed with the robot it came from."""
 
 from __future__ import annotations
 

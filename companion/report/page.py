@@ -14,7 +14,7 @@ import yaml
 
 from companion.analysis.imported import ImportedScene
 from companion.analysis.result import LinkResult, RunResult
-from companion.analysis.tables import note_lines, problem_lines
+from companion.analysis.summary import note_lines, problem_lines
 from companion.log.reader import Session
 from companion.report import pictures
 from companion.report.content import FlightContent

@@ -14,7 +14,7 @@ from companion.analysis.bearings import OUTSIDE, analyze_run
 from companion.analysis.imported import analyze_session, export_run, import_run
 from companion.analysis.result import Options
 from companion.analysis.runs import RecordingError, Run, find_runs, loose_run
-from companion.analysis.tables import as_json
+from companion.analysis.summary import as_json
 from companion.cli import main
 from companion.errors import CompanionError
 from companion.log.reader import metadata_of, open_session
