@@ -29,7 +29,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 _STEP_S = 0.005
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderCost:
     """Shares of one core over `seconds`: processor time of the writer's own thread, and of the calls that hand the
     messages over, each by the clock of its thread; nothing may be dropped."""
@@ -63,14 +63,14 @@ def recorder_cost(seconds: float = 20.0) -> RecorderCost:
         size = path.stat().st_size
     writer_share, calls_share = writer_s / seconds, calls_s / seconds
     return RecorderCost(
-        seconds,
-        writer_share + calls_share,
-        writer_share,
-        calls_share,
-        counters["written"] / seconds,
-        size / seconds / 1e3,
-        counters["dropped"],
-        longest_us,
+        seconds=seconds,
+        core_share=writer_share + calls_share,
+        writer_share=writer_share,
+        calls_share=calls_share,
+        messages_per_s=counters["written"] / seconds,
+        kilobytes_per_s=size / seconds / 1e3,
+        dropped=counters["dropped"],
+        longest_record_us=longest_us,
     )
 
 

@@ -24,7 +24,7 @@ class Cone:
     angle_std_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AoaEstimate:
     """Direction from `reference_p_m` (ENU) at `reference_t_s` to the transmitter, azimuth in [-pi, pi), and its range.
 

@@ -23,7 +23,7 @@ _WITHIN_DEG = 10.0
 _RELIABLE = 0.8
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
     """One link. `error_deg` is |azimuth error| at the estimate's own reference point."""
 
@@ -102,7 +102,7 @@ class RunRows:
     notes: list[Note]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
     """`sets` counts every link that has files; `reliable` only those at or above the reliability asked for."""
 
@@ -137,16 +137,16 @@ def evaluation(
     rows = sorted((row for run in found for row in run.links), key=lambda row: (row.set, row.position, row.run, row.tx))
     reliable = [row for row in rows if row.reliability >= min_reliability]
     return Evaluation(
-        poses,
-        estimator,
-        min_reliability,
-        _by_set(rows),
-        _by_set(reliable),
-        trust(rows),
-        rows,
-        sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
-        sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
-        lever_m,
+        poses=poses,
+        estimator=estimator,
+        min_reliability=min_reliability,
+        sets=_by_set(rows),
+        reliable=_by_set(reliable),
+        trust=trust(rows),
+        links=rows,
+        left_out=sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
+        notes=sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
+        lever_m=lever_m,
     )
 
 

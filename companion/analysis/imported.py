@@ -41,7 +41,7 @@ _FILES: Final = {".dat": "dat", ".csv": "csv", ".json": "csv"}
 _Timed = tuple[int, int, Stream, object]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedScene:
     """What a recording is of, as its log's metadata holds it."""
 
@@ -164,16 +164,16 @@ def _scene(run: Run, options: Options, problems: list[str]) -> ImportedScene:
             problems.append(str(error))
     places = {} if truth is None else {name: _vector(p) for name, p in truth.transmitters.items()}
     return ImportedScene(
-        run.stamp,
-        run.set_name,
-        run.folder.resolve().name,
-        run.loose,
-        options.channel,
-        options.macs,
-        options.lever_m,
-        places,
-        None if truth is None else truth.channel,
-        tuple(problems),
+        stamp=run.stamp,
+        set_name=run.set_name,
+        folder=run.folder.resolve().name,
+        loose=run.loose,
+        channel=options.channel,
+        macs=options.macs,
+        lever_m=options.lever_m,
+        transmitters=places,
+        truth_channel=None if truth is None else truth.channel,
+        problems=tuple(problems),
     )
 
 

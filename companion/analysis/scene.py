@@ -24,7 +24,7 @@ MAX_POSE_GAP_S: Final = 0.25
 _MAX_DISAGREEMENT_M: Final = 0.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
     """What the links of a run have in common."""
 
@@ -88,7 +88,16 @@ def read_scene(
     mocap, place_problem = _mocap(run, trajectory, problems)
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
-    return Scene(rx, trajectory, p_antenna_m, mocap, place_problem, truth, wavelength, options.as_sent)
+    return Scene(
+        rx=rx,
+        trajectory=trajectory,
+        p_antenna_m=p_antenna_m,
+        mocap=mocap,
+        place_problem=place_problem,
+        truth=truth,
+        wavelength_m=wavelength,
+        as_sent=options.as_sent,
+    )
 
 
 def _check_overlap(trajectory: RecordedTrajectory, packet_t_s: npt.NDArray[np.float64], path: Path) -> None:

@@ -165,7 +165,15 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialR
         raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
     elapsed_s = time.monotonic() - start
     return Outcome(
-        study.name, study.title, study.figures, seed, len(specs), elapsed_s, summary.findings, summary.notes, rows
+        study=study.name,
+        title=study.title,
+        figures=study.figures,
+        seed=seed,
+        trials=len(specs),
+        elapsed_s=elapsed_s,
+        findings=summary.findings,
+        notes=summary.notes,
+        rows=rows,
     )
 
 

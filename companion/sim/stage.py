@@ -31,7 +31,7 @@ _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
     """Where everything of one demo run is. `transport` is netlink where permitted, else unix with the reason why."""
 
@@ -76,7 +76,16 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
         _write_key(config.path(config.peers[0].key_file), peer_key)
     scenario = _scenario(uav, beacon, directory, seed)
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
-    return Stage(directory, uav, beacon, scenario, mavlink_port, transport, reason, tuple(claims.values()))
+    return Stage(
+        directory=directory,
+        uav=uav,
+        beacon=beacon,
+        scenario=scenario,
+        mavlink_port=mavlink_port,
+        transport=transport,
+        transport_reason=reason,
+        claims=tuple(claims.values()),
+    )
 
 
 class Cast:

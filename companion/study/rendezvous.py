@@ -50,7 +50,7 @@ class MissionCase:
         return f"{'occluded' if self.occluded else 'open'}, {'moving' if self.moving else 'static'}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FlownIteration:
     """One SAR iteration; None where it gave no estimate. `crb_deg` is the great-circle bound of the estimate at its own
     noise, `informativeness_deg` the same of the aperture as the service logs it, `worst_deg` in the worst direction."""
@@ -67,7 +67,7 @@ class FlownIteration:
     refusal: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionRow:
     scene: str
     reached: bool
@@ -99,14 +99,14 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     result = fly(world, seed, _MAX_TIME_S, case.flies_on)
     steps = [_step(point) for point in result.points]
     return MissionRow(
-        case.name,
-        result.reached,
-        result.time_s,
-        result.closest_m,
-        result.end,
-        steps,
-        case.flies_on,
-        result.arrived_m,
+        scene=case.name,
+        reached=result.reached,
+        time_s=result.time_s,
+        closest_m=result.closest_m,
+        end=result.end,
+        steps=steps,
+        flown_on=case.flies_on,
+        arrived_m=result.arrived_m,
     )
 
 
@@ -116,16 +116,16 @@ def _step(point: MissionPoint) -> FlownIteration:
     azimuth, polar = (float(a) for a in angles(towards))
     told = iteration.informativeness
     return FlownIteration(
-        iteration.number,
-        iteration.reference_ns * 1e-9,
-        float(np.linalg.norm(towards)),
-        point.is_beacon_moving,
-        None if estimate is None else aoa_error(estimate.azimuth_rad, estimate.polar_rad, azimuth, polar),
-        None if estimate is None else math.degrees(estimate.crb_rad),
-        None if told is None else _bound_deg(told.source_per_rad2),
-        None if told is None else _bound_deg(told.worst_per_rad2),
-        None if estimate is None else estimate.reliability,
-        iteration.refusal,
+        number=iteration.number,
+        time_s=iteration.reference_ns * 1e-9,
+        distance_m=float(np.linalg.norm(towards)),
+        beacon_moving=point.is_beacon_moving,
+        error=None if estimate is None else aoa_error(estimate.azimuth_rad, estimate.polar_rad, azimuth, polar),
+        crb_deg=None if estimate is None else math.degrees(estimate.crb_rad),
+        informativeness_deg=None if told is None else _bound_deg(told.source_per_rad2),
+        worst_deg=None if told is None else _bound_deg(told.worst_per_rad2),
+        reliability=None if estimate is None else estimate.reliability,
+        refusal=iteration.refusal,
     )
 
 

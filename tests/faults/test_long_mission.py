@@ -131,9 +131,23 @@ class _Worker:
         infinite = ((1e-3, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.inf))
         place = (0.0, 0.0, 0.0)
         estimate = AoaEstimate(
-            azimuth, math.pi / 2, 0.03, math.inf, infinite, 0.02, 0.9, 0.9, True, False, (), aperture.packets, 1.2,
-            place, place, float(aperture.t_s.mean()),
-        )  # fmt: skip
+            azimuth_rad=azimuth,
+            polar_rad=math.pi / 2,
+            azimuth_std_rad=0.03,
+            polar_std_rad=math.inf,
+            covariance=infinite,
+            crb_rad=0.02,
+            coherence=0.9,
+            reliability=0.9,
+            azimuth_observable=True,
+            polar_observable=False,
+            alternatives=(),
+            packets=aperture.packets,
+            length_m=1.2,
+            extents_m=place,
+            reference_p_m=place,
+            reference_t_s=float(aperture.t_s.mean()),
+        )
         self.waiting.append(AoaResult(self.submitted, peer, 0.01, estimate, bytes(180 * 360 * 2)))
         self.submitted += 1
         return self.submitted - 1

@@ -38,5 +38,15 @@ def warm_up() -> None:
     for height in (0.0, 0.3):
         chi = 0.5 * np.stack([np.cos(5 * t), np.sin(5 * t), height * np.sin(9 * t)], axis=-1)
         nic_us = np.stack([1e6 * t, 1e6 * t + rng.integers(300, 310, 40)], axis=-1)
-        aperture = Aperture(t, chi, np.ones(40, np.complex128), 0.05, (0.0, 0.0, 0.0), 0.5, wave, wave, nic_us)
+        aperture = Aperture(
+            t_s=t,
+            chi_m=chi,
+            channel=np.ones(40, np.complex128),
+            wavelength_m=0.05,
+            reference_p_m=(0.0, 0.0, 0.0),
+            reference_t_s=0.5,
+            forward=wave,
+            reverse=wave,
+            nic_us=nic_us,
+        )
         Robust().estimate(aperture)

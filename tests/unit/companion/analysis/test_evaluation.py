@@ -39,7 +39,21 @@ SPATIAL = DATA.parent / "wsr_3d"
 
 def row(set_name: str, error_deg: float, reliability: float = 0.9, reason: str = "") -> LinkRow:
     return LinkRow(
-        set_name, "L1", "run", "tx2", error_deg, 0.0, 0.0, None, None, None, None, 1.0, reliability, 500, reason
+        set=set_name,
+        position="L1",
+        run="run",
+        tx="tx2",
+        error_deg=error_deg,
+        azimuth_deg=0.0,
+        true_azimuth_deg=0.0,
+        polar_deg=None,
+        true_polar_deg=None,
+        elevation_deg=None,
+        true_elevation_deg=None,
+        azimuth_std_deg=1.0,
+        reliability=reliability,
+        packets=500,
+        reason=reason,
     )
 
 

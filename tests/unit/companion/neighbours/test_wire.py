@@ -30,17 +30,17 @@ def datagram(
     values = (rng.normal(size=(csi, 30)) + 1j * rng.normal(size=(csi, 30))).astype(np.complex64) * 30
     coefficients, scale = reduce_channel(values)
     return wire.Datagram(
-        wire.Role.BEACON,
-        sender,
-        boot_id,
-        counter,
-        BASE_NS + NS_PER_S // 2,
-        wire.PoseBatch(
+        role=wire.Role.BEACON,
+        sender=sender,
+        boot_id=boot_id,
+        counter=counter,
+        sent_ns=BASE_NS + NS_PER_S // 2,
+        poses=wire.PoseBatch(
             BASE_NS + np.arange(poses) * 20_000_000,
             100.0 + rng.normal(0, 0.1, (poses, 3)),
             np.full(poses, 3, np.uint8),
         ),
-        wire.CsiBatch(
+        csi=wire.CsiBatch(
             np.arange(csi, dtype=np.uint32) + 4_294_967_290,
             BASE_NS + np.arange(csi) * 6_000_000,
             np.arange(csi, dtype=np.uint32) * 6000 + 4_294_900_000,

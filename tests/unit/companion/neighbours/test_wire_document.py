@@ -26,17 +26,17 @@ def example() -> wire.Datagram:
     first = [[31, -31], [0, 1], [-1, 2], [5, -5], [0, 0], [10, -20], [30, -30], [1, 1]]
     second = [[-31, 7], [3, 3], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [-2, 2]]
     return wire.Datagram(
-        wire.Role.BEACON,
-        2,
-        7 << 32 | 0x1234ABCD,
-        41,
-        5_000_000_000,
-        wire.PoseBatch(
+        role=wire.Role.BEACON,
+        sender=2,
+        boot_id=7 << 32 | 0x1234ABCD,
+        counter=41,
+        sent_ns=5_000_000_000,
+        poses=wire.PoseBatch(
             np.array([4_980_000_000, 5_000_000_000]),
             np.array([[1.25, -0.5, 0.3], [1.26, -0.5, 0.3002]]),
             np.array([3, 2], np.uint8),
         ),
-        wire.CsiBatch(
+        csi=wire.CsiBatch(
             np.array([1000, 1001], np.uint32),
             np.array([4_990_000_000, 4_998_200_000]),
             np.array([4_294_967_000, 7904], np.uint32),
