@@ -79,7 +79,7 @@ def test_what_belongs_to_a_linked_run_is_found_beside_the_real_one(tmp_path: Pat
 def test_the_folder_one_stands_in_has_folders_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _touch(tmp_path / "csi/csi_rx_1.dat", tmp_path / "poses/rx_trajectory_1_.csv")
     monkeypatch.chdir(tmp_path / "csi")
-    (run,) = find_runs(Path("."))
+    (run,) = find_runs(Path())
     assert run.trajectories == {PoseKind.MOCAP: tmp_path / "poses/rx_trajectory_1_.csv"}
 
 

@@ -69,7 +69,8 @@ def test_columns_of_every_width_are_read_as_bit_by_bit(data: st.DataObject) -> N
     columns = []
     for count, size in shape:
         most = 2 ** data.draw(st.integers(0, size)) - 1
-        columns.append((np.array(data.draw(st.lists(st.integers(0, most), min_size=count, max_size=count)), "i8"), size))
+        values = data.draw(st.lists(st.integers(0, most), min_size=count, max_size=count))
+        columns.append((np.array(values, np.int64), size))
     packed = pack(columns)
     found = unpack(packed, shape)
     assert [values.tolist() for values in found] == _bit_by_bit(packed, shape)
