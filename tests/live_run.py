@@ -32,18 +32,19 @@ from companion.radio.card import ChannelSample
 from companion.roles.beacon import Beacon
 from companion.roles.node import Node
 from companion.sensing.window import ApertureReport, SarWindow
-from csi_bridge.netlink import NetlinkFeeder, connector_available
+from csi_bridge.netlink import NetlinkFeeder
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
 from csi_bridge.replay import Feeder, Tape, read_tape
 from csi_bridge.unix_socket import UnixFeeder
+from tests.connectors import UNAVAILABLE, claimed
 from wsr.channel import wavelength_m
 from wsr.estimators import ESTIMATORS
 
 RX_ID: Final = 1
-CONNECTORS: Final = (20, 21, 22, 23)
-"""Not those of the driver, nor of a demo or other tests on this machine."""
 RX_MAC: Final = {"wsr_dataset_dev": "00:21:6A:53:89:D2", "wsr_3d": "00:21:6A:C5:FC:00"}
+_ROBOTS: Final = 4
+"""The most in one recording."""
 _TAIL_S: Final = 1.0
 _ZERO_S: Final = 1000.0
 """On the receiving robot's clock when the tapes start: a host has been up for a while."""
@@ -159,12 +160,16 @@ class _Robot:
 
 def transport() -> tuple[str, str]:
     """netlink where this machine permits it, else unix with the reason."""
-    reason = connector_available(CONNECTORS[0])
-    return ("netlink", "") if reason is None else ("unix", reason)
+    return ("netlink", "") if UNAVAILABLE is None else ("unix", UNAVAILABLE)
 
 
 async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     """Plays all of `run` and cuts one aperture for each transmitter."""
+    with claimed(_ROBOTS) as connectors:
+        return await _run_on(connectors, run, kind, folder)
+
+
+async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     assert run.rx is not None
     trajectory = read_trajectory(run.trajectories[kind], kind)
     rx, tapes = read_tape(run.rx), {name: read_tape(path) for name, path in sorted(run.tx.items())}
@@ -173,7 +178,9 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     assert run.truth is not None
     channel = read_truth(run.truth).channel
     timeline = Timeline()
-    robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel)
+    robots = _robots(
+        run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel, connectors
+    )
     recorder = McapRecorder(folder / "log.mcap", robots[0].config, EventClock(robots[0].clock))
     window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
     uav, beacons = robots[0], robots[1:]
@@ -253,7 +260,14 @@ async def _play(timeline: Timeline, robots: list[_Robot], trajectory: RecordedTr
 
 
 def _robots(
-    run: Run, macs: dict[str, str], rx: Tape, tapes: dict[str, Tape], folder: Path, timeline: Timeline, channel: int
+    run: Run,
+    macs: dict[str, str],
+    rx: Tape,
+    tapes: dict[str, Tape],
+    folder: Path,
+    timeline: Timeline,
+    channel: int,
+    connectors: list[int],
 ) -> list[_Robot]:
     """The receiving robot first. Tapes start together as the air did; clocks differ as they did."""
     kind, _ = transport()
@@ -273,7 +287,7 @@ def _robots(
             if name == "rx"
             else [Peer(RX_ID, "rx", rx_mac, str(folder / "rx" / "own.key"))]
         )
-        index = CONNECTORS[number - 1]
+        index = connectors[number - 1]
         config = Config(
             role="uav" if name == "rx" else "beacon",
             id=number,

@@ -8,8 +8,10 @@ Trajectories may stand in a folder beside that of the CSI, and `groundtruth_posi
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -75,11 +77,11 @@ class Run:
 
 
 def find_runs(root: Path) -> list[Run]:
-    """Every run in `root` and in the folders below it, by folder and time stamp. Raises RecordingError for none."""
+    """Every run in `root` and in the folders below it, linked ones too, by folder and time stamp. Raises RecordingError
+    for none."""
     if not root.is_dir():
         raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
-    folders = sorted({path.parent for path in root.rglob("csi_*.dat") if _CSI_NAME.fullmatch(path.name)})
-    runs = [run for folder in folders for run in _runs_of(folder)]
+    runs = [run for folder in sorted(_folders(root)) for run in _runs_of(folder)]
     if not runs:
         raise RecordingError(f"{root}: no recorded run here or below (expected files such as csi_rx_<time>.dat)")
     return runs
@@ -132,6 +134,20 @@ def _whole(value: object) -> int:
     return int(number)
 
 
+def _folders(root: Path) -> Iterator[Path]:
+    """`root` and all below it, each real folder once however many links lead there: by its own name if it has one."""
+    waiting, seen = deque([root]), set[Path]()
+    while waiting:
+        for name, below, _ in os.walk(waiting.popleft()):  # which goes into no link but the one it is given
+            folder = Path(name)
+            if folder.resolve() in seen:
+                below.clear()
+                continue
+            seen.add(folder.resolve())
+            waiting += sorted(folder / link for link in below if (folder / link).is_symlink())
+            yield folder
+
+
 def _runs_of(folder: Path) -> list[Run]:
     files: dict[str, dict[str, Path]] = {}
     for path in sorted(folder.glob("csi_*.dat")):
@@ -153,16 +169,23 @@ def _runs_of(folder: Path) -> list[Run]:
 
 def _trajectories(folder: Path, stamp: str) -> dict[PoseKind, Path]:
     """Those in the folder itself win over those in a folder beside it."""
-    beside = sorted(path for path in folder.parent.iterdir() if path.is_dir() and path != folder)
     found: dict[PoseKind, Path] = {}
-    for place in (folder, folder.parent, *beside):
+    for place in (folder, *_around(folder)):
         for path in sorted(place.glob(f"*rx_trajectory*{stamp}*.csv")):
             found.setdefault(guess_kind(path), path)
     return found
 
 
+def _around(folder: Path) -> Iterator[Path]:
+    """The folder above and those beside it: where it was found, and where it really is if that is elsewhere."""
+    real = folder.resolve()
+    for parent in [folder.parent] + [real.parent] * (real.parent != folder.parent.resolve()):
+        yield parent
+        yield from sorted(path for path in parent.iterdir() if path.is_dir() and path != folder)
+
+
 def _truth_near(folder: Path) -> Path | None:
-    for place in (folder, folder.resolve().parent):
+    for place in (folder, folder.resolve().parent, folder.parent):
         if (place / TRUTH_NAME).is_file():
             return place / TRUTH_NAME
     return None

@@ -61,7 +61,8 @@ def chosen_runs(
     if rx is None and not tx and traj is None:
         if not folders:
             raise click.UsageError("give a RUN folder, or loose files with --rx, --tx and --traj")
-        found = list({(run.folder, run.stamp): run for folder in folders for run in find_runs(folder)}.values())
+        runs = [run for folder in folders for run in find_runs(folder)]
+        found = list({(run.folder.resolve(), run.stamp): run for run in runs}.values())
         chosen = [run for run in found if not stamps or run.stamp in stamps]
         missing = sorted(set(stamps) - {run.stamp for run in found})
         if missing:
