@@ -28,8 +28,8 @@ from companion.core.recorder import Recorder
 from companion.log.recorder import McapRecorder
 from companion.neighbours.keys import write_key
 from companion.pose import wire as pose_wire
-from companion.radio.card import ChannelSample
 from companion.roles.beacon import Beacon
+from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.sensing.window import ApertureReport, SarWindow
 from csi_bridge.netlink import NetlinkFeeder
@@ -181,11 +181,13 @@ async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path)
     robots = _robots(
         run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel, connectors
     )
-    recorder = McapRecorder(folder / "log.mcap", robots[0].config, EventClock(robots[0].clock))
-    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
     uav, beacons = robots[0], robots[1:]
-    uav.node = Node(uav.config, uav.clock, recorder, window.add_sample, window.add_pose)
-    window.nic_clock = uav.node.radio.nic_clock
+    clock = EventClock(uav.clock)
+    recorder = McapRecorder(folder / "log.mcap", uav.config, clock)
+    uav.node = node = Node(uav.config, clock, recorder, LiveInputs(uav.config))
+    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S, node.radio.nic_clock)
+    node.samples.connect(window.add_sample)
+    node.poses.connect(window.add_pose)
     for robot in beacons:
         robot.node = _beacon_node(robot, recorder)
     async with asyncio.TaskGroup() as tasks:
@@ -230,11 +232,8 @@ async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path)
 
 
 def _beacon_node(robot: _Robot, recorder: Recorder) -> Node:
-    def on_sample(sample: ChannelSample) -> None:
-        beacon.add_sample(sample)
-
-    node = Node(robot.config, robot.clock, recorder, on_sample, lambda _: None)
-    beacon = Beacon(node.sender)
+    node = Node(robot.config, EventClock(robot.clock), recorder, LiveInputs(robot.config))
+    node.samples.connect(Beacon(node.sender).add_sample)
     return node
 
 

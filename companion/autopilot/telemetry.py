@@ -52,7 +52,7 @@ class Telemetry:
         self._on_odometry = on_odometry
         self._now_ns = now_ns
         self._lock = threading.Lock()
-        self._state = VehicleState(now_ns())
+        self._state = VehicleState(t_mono_ns=now_ns())
         handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
             "CURRENT_MODE": _current_mode,

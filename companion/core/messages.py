@@ -61,7 +61,7 @@ class FlightMode(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
     """The newest telemetry as one snapshot. Fields that were never received are None."""
 

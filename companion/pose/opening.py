@@ -7,16 +7,13 @@ import math
 from companion.config.schema import Config
 from companion.core.clock import Clock
 from companion.errors import CompanionError
-from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink
 from companion.pose.source import PoseSource
 
 
-def open_poses(config: Config, clock: Clock, intake: PoseIntake, sink: PoseSink | None = None) -> Poses:
-    """The source, bound to the intake; its poses go to `sink`, which hands them on, or to the intake itself. Raises
-    CompanionError when it cannot be opened."""
-    pose, source = config.pose, _source(config, clock, sink or intake.take)
-    intake.bind(source)
+def open_poses(config: Config, clock: Clock, sink: PoseSink) -> Poses:
+    """The source, whose poses go to `sink` once it runs. Raises CompanionError when it cannot be opened."""
+    pose, source = config.pose, _source(config, clock, sink)
     if pose.source != "px4":  # its estimator has found North by itself
         source.align(math.radians(pose.north_yaw_deg))
     return source

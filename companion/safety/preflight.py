@@ -95,7 +95,7 @@ def parameter_problems(values: Mapping[str, float | str], gps: bool) -> Iterator
             yield requirement.problem(value)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Readiness:
     """What the service knows of itself now. Ages in seconds, infinite for what was never there."""
 
@@ -122,7 +122,7 @@ class Readiness:
     free_mib: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReadinessLimits:
     """The configuration's part in it."""
 

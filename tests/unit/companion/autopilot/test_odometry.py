@@ -13,6 +13,7 @@ from companion.config.schema import PoseConfig
 from companion.core.clock import ManualClock
 from companion.core.messages import Pose
 from companion.flight.vio_forward import VioForwarder
+from companion.pose.autopilot import AutopilotPoses
 from companion.pose.intake import PoseIntake
 from wsr.geometry import quaternion_from_yaw, quaternion_multiply
 
@@ -85,7 +86,7 @@ class _Estimator:
 
 
 def _forward(estimator: _Estimator, rate_hz: float, seconds: float, confidence: int = 3) -> VioForwarder:
-    intake = PoseIntake(PoseConfig(), ManualClock(), lambda _: None)
+    intake = PoseIntake(PoseConfig(), ManualClock(), AutopilotPoses(lambda _: None), lambda _: None)
     forwarder = VioForwarder(estimator, intake, rate_hz)  # type: ignore[arg-type]
     for index in range(round(200 * seconds)):
         forwarder.take(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))

@@ -25,7 +25,6 @@ from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
 from companion.pose import wire
 from companion.pose.autopilot import AutopilotPoses
-from companion.pose.intake import PoseIntake
 from companion.pose.natnet import NatNetPoses
 from companion.pose.opening import open_poses
 from companion.pose.port import Poses
@@ -282,10 +281,9 @@ async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> No
     assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
     config = load_config(CONFIGS / "demo-uav.yaml")
     recorded = replace(config, pose=replace(config.pose, source="recording", recording=str(path)))
-    intake = PoseIntake(recorded.pose, _CLOCK, got.append)
     with pytest.raises(CompanionError, match=r"has no attitudes, .* pose.antenna_m .*; expected \[0, 0, 0\]"):
-        open_poses(recorded, _CLOCK, intake)
-    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, intake).close()
+        open_poses(recorded, _CLOCK, got.append)
+    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, got.append).close()
 
 
 async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path: Path) -> None:

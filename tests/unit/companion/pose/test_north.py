@@ -71,8 +71,7 @@ class _Source:
 
 def _intake(config: PoseConfig) -> tuple[PoseIntake, _Source, ManualClock, list[Pose]]:
     clock, got, source = ManualClock(NS_PER_S), list[Pose](), _Source()
-    intake = PoseIntake(config, clock, got.append)
-    intake.bind(source)
+    intake = PoseIntake(config, clock, source, got.append)
     return intake, source, clock, got
 
 
