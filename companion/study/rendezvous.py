@@ -51,7 +51,7 @@ class MissionCase:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionStep:
+class IterationRow:
     """One SAR iteration; None where it gave no estimate. `crb_deg` is the great-circle bound of the estimate at its own
     noise, `informativeness_deg` the same of the aperture as the service logs it, `worst_deg` in the worst direction."""
 
@@ -74,7 +74,7 @@ class MissionRow:
     time_s: float
     closest_m: float
     end: str
-    steps: list[MissionStep]
+    steps: list[IterationRow]
     flown_on: bool
     arrived_m: float | None
     """How far apart they were when a vehicle that was flown on called itself arrived."""
@@ -110,12 +110,12 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     )
 
 
-def _step(point: MissionPoint) -> MissionStep:
+def _step(point: MissionPoint) -> IterationRow:
     iteration, estimate = point.iteration, point.iteration.estimate
     towards = np.subtract(point.beacon_enu_m, point.uav_enu_m)
     azimuth, polar = (float(a) for a in angles(towards))
     told = iteration.informativeness
-    return MissionStep(
+    return IterationRow(
         iteration.number,
         iteration.reference_ns * 1e-9,
         float(np.linalg.norm(towards)),
