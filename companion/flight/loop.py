@@ -101,7 +101,8 @@ class Flight:
                 async for now_ns in self._ticker.ticks():
                     self.tick(now_ns)
             finally:
-                await self._leave_at_end()
+                if self.end():
+                    await self._commands.leave_at_end()
 
     def is_ticking(self) -> bool:
         """Whether the loop has ticked within the last second."""
@@ -279,10 +280,6 @@ class Flight:
         with self._clock.event() as now_ns:
             self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, reason))
             self._course.report(event, reason)
-
-    async def _leave_at_end(self) -> None:
-        if self.end():
-            await self._commands.leave_at_end()
 
     def _age_s(self, t_ns: int | None) -> float:
         return age_s(t_ns, self._clock.now_ns())

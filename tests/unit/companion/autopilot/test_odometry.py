@@ -89,7 +89,7 @@ def _forward(estimator: _Estimator, rate_hz: float, seconds: float, confidence: 
     intake = PoseIntake(PoseConfig(), ManualClock(), AutopilotPoses(lambda _: None), lambda _: None)
     forwarder = VioForwarder(estimator, intake, rate_hz)  # type: ignore[arg-type]
     for index in range(round(200 * seconds)):
-        forwarder.take(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))
+        forwarder.forward(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))
     return forwarder
 
 

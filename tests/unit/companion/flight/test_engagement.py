@@ -102,6 +102,19 @@ def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
     assert plugins == {"mavlink_direct"}, "the library's own offboard plugin repeats the last set point for ever"
 
 
+_ABOUT_THE_FLIGHT = ("course", "engagement", "knowledge", "observer", "rc_switch", "records", "status", "wishes")
+
+
+def test_what_the_loop_knows_is_asked_and_answers_commands_nothing() -> None:
+    """Modules of the room that may name no command of the port, nor start one."""
+    folder = Path(companion.__file__).parent / "flight"
+    named = re.compile(rf"\.({'|'.join((*_COMMANDS, 'send_setpoint', 'start', 'leave_at_end'))})\(|FlightCommands")
+    assert {path.stem for path in folder.glob("*.py") if named.search(path.read_text())} == {"loop", "commands"}
+    assert set(_ABOUT_THE_FLIGHT) | {"__init__", "commands", "loop", "vio_forward"} == {
+        path.stem for path in folder.glob("*.py")
+    }
+
+
 class _Sar:
     def __init__(self) -> None:
         self.is_measuring = False
