@@ -31,7 +31,6 @@ from companion.cli import program
 from companion.errors import CompanionError
 from tests import paths
 from tests.synthetic_run import write_run
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile, profile_variance
 
 DATA = paths.DATA / "wsr_dataset_dev"
 SPATIAL = DATA.parent / "wsr_3d"
@@ -203,14 +202,6 @@ def test_trust_compares_the_reliability_with_the_profile_variance() -> None:
     assert (result.best_half.n, result.best_half.mean_deg) == (2, 3.0)
     assert result.reliable == 3
     assert result.reliable_within_3_std == pytest.approx(1 / 3)
-
-
-def test_profile_variance_is_one_without_a_peak_and_small_with_one() -> None:
-    flat = Profile(np.ones((180, 360), np.float32), AZIMUTH_RAD, POLAR_RAD)
-    assert profile_variance(flat, 0.3, POLAR_RAD[90]) == pytest.approx(1.0, rel=1e-3)
-    peaked = Profile(np.full((180, 360), 1e-9, np.float32), AZIMUTH_RAD, POLAR_RAD)
-    peaked.power[90, 20] = 1.0
-    assert profile_variance(peaked, AZIMUTH_RAD[20], POLAR_RAD[90]) < 0.01
 
 
 @pytest.mark.parametrize("poses", ["mocap", "t265"])

@@ -55,10 +55,28 @@ def _iteration(peer: int = _TARGET, reliability: float | None = 0.9, **changes: 
     """One without an estimate where there is no reliability."""
     infinite = ((1e-3, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.inf))
     origin = (0.0, 0.0, 0.0)
-    estimate = None if reliability is None else AoaEstimate(
-        0.5, math.pi / 2, 0.03, math.inf, infinite, 0.02, 0.9, reliability, True, False, (), 100, 1.2, origin,
-        origin, 0.0,
-    )  # fmt: skip
+    estimate = (
+        None
+        if reliability is None
+        else AoaEstimate(
+            azimuth_rad=0.5,
+            polar_rad=math.pi / 2,
+            azimuth_std_rad=0.03,
+            polar_std_rad=math.inf,
+            covariance=infinite,
+            crb_rad=0.02,
+            coherence=0.9,
+            reliability=reliability,
+            azimuth_observable=True,
+            polar_observable=False,
+            alternatives=(),
+            packets=100,
+            length_m=1.2,
+            extents_m=origin,
+            reference_p_m=origin,
+            reference_t_s=0.0,
+        )
+    )
     values: dict[str, Any] = {
         "number": 1, "peer": peer, "start_ns": 0, "end_ns": 1, "reference_ns": 1, "p_local_enu_m": origin,
         "peer_p_enu_m": origin, "peer_boot": 1, "received": 100, "dropped": {}, "compute_s": 0.1,

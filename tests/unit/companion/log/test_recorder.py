@@ -35,7 +35,6 @@ from companion.core.streams import (
     POSE_IN,
     PROFILE,
     SETPOINT,
-    STREAMS,
     TARGET,
     TICK,
     VEHICLE,
@@ -329,11 +328,6 @@ def test_a_chunk_that_none_follows_goes_to_the_disk_in_time(tmp_path: Path, monk
     recorder.record(CSI, 1, b"\xbb" + os.urandom(100_000))  # a chunk of its own, right behind the start
     assert synced.get(timeout=10) > 100_000
     recorder.close()
-
-
-def test_every_stream_has_a_topic_of_its_own() -> None:
-    topics = [stream.topic for stream in STREAMS]
-    assert len(set(topics)) == len(topics)
 
 
 def _sizes(path: Path) -> list[int]:

@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.neighbours import wire
 from companion.neighbours.columns import pack, unpack
-from companion.replay.datagrams import resigned
-from tests.unit.companion.neighbours.test_wire import KEY, datagram
-from tests.unit.companion.neighbours.test_wire_document import KEY as EXAMPLE_KEY
-from tests.unit.companion.neighbours.test_wire_document import example
-
-VERSION_2 = bytes.fromhex(
-    """
-    57 53 52 4e 02 02 02 00 cd ab 34 12 07 00 00 00
-    29 00 00 00 00 00 00 00 00 f2 05 2a 01 00 00 00
-    02 02 01 00 d4 30 00 00 78 ec ff ff b8 0b 00 00
-    e8 03 00 00 d8 fe ff ff 10 27 00 00 23 03 00 00
-    00 00 00 00 02 00 64 00 00 00 02 00 00 00 00 00
-    96 cc 7f 00 86 9f 58 6e 20 a8 32 be 10 86 01 08
-    20 80 a0 cb c1 39 8e 20 08 82 20 08 82 20 e8 89
-    89 23 25 7d 53 83 da 33 b3 35 d4 bb 0e dc d0 64
-    """
-)
 
 
 @given(st.data())
@@ -97,16 +77,3 @@ def test_equal_rows_take_no_bits_and_too_large_ones_are_refused() -> None:
 def test_a_column_wider_than_its_numbers_is_refused() -> None:
     with pytest.raises(ValueError, match="left"):
         unpack((31 << 8).to_bytes(2, "little") + bytes(40), [(3, 8)])
-
-
-def test_a_log_of_version_2_says_the_same_again() -> None:
-    assert resigned(VERSION_2, EXAMPLE_KEY) == wire.encode(replace(example(), echo=None), EXAMPLE_KEY)
-    with pytest.raises(wire.WireError, match="version 2"):
-        resigned(VERSION_2[:60], EXAMPLE_KEY)
-    with pytest.raises(wire.VersionError, match="version 2, this program 3"):
-        wire.decode(VERSION_2, [EXAMPLE_KEY])
-
-
-def test_a_log_of_this_version_is_only_signed_anew() -> None:
-    sent = datagram()
-    assert resigned(wire.encode(sent, b"x" * 32), KEY) == wire.encode(sent, KEY)
