@@ -11,7 +11,6 @@ from companion.safety import document
 from companion.safety.fault_table import FAULTS
 from tests.paths import DOCS
 
-_SAFETY = DOCS / "safety.md"
 _PAIRS = [(state, event) for state in State for event in Event]
 _STREAMING = (State.ACQUIRING, State.APPROACHING, State.HOLDING)
 _FLYING = (State.TAKING_OFF, *_STREAMING)
@@ -128,11 +127,15 @@ def test_worst_of_any_two_events_is_the_more_severe_one() -> None:
                 assert worst(state, [b, a]) is (listed[0] if listed else None)
 
 
-def test_safety_document_is_current() -> None:
-    text = _SAFETY.read_text()
-    assert document.renewed(text) == text, (
-        "docs/safety.md is old: run python -m companion.safety.document docs/safety.md"
-    )
+@pytest.mark.parametrize("name", document.PARTS)
+def test_documents_are_current(name: str) -> None:
+    text = (DOCS / name).read_text()
+    assert document.renewed(name, text) == text, f"docs/{name} is old: run python -m companion.safety.document"
+
+
+def test_a_document_without_its_markers_is_refused() -> None:
+    with pytest.raises(CompanionError, match=r"docs/vehicle\.md lacks the lines <!-- generated: axes -->"):
+        document.renewed("vehicle.md", "no markers")
 
 
 def test_diagram_names_every_state_and_transition() -> None:
@@ -149,8 +152,3 @@ def test_every_fault_names_detection_and_clearance_and_every_event_that_stops_th
     for fault in FAULTS.values():
         assert fault.within and fault.noticed_by and fault.cleared_by
     assert list(FAULTS) == [event for event in Event if event in FAULTS], "in order of severity"
-
-
-def test_document_without_markers_is_refused() -> None:
-    with pytest.raises(CompanionError, match="lacks the lines"):
-        document.renewed("# Safety")
