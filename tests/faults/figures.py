@@ -1,8 +1,8 @@
 """Figures of the fault tests: one JSON for all, from which the table in docs/results/faults.md is made.
 
 A test calls `record(number, test, **figures)`. `python -m tests.faults.figures` puts what the JSON holds into the table
-between the markers of docs/results/faults.md. A row is one test; those of which the JSON holds nothing stay as they are, so
-that a campaign may be run in pieces. Figures of a short run never take the place of a full one's.
+between the markers of docs/results/faults.md. A row is one test; those of which the JSON holds nothing stay, so that a
+campaign may be run in pieces. Figures of a short run never take the place of a full one's.
 """
 
 from __future__ import annotations

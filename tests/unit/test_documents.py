@@ -74,7 +74,9 @@ def test_every_relative_link_leads_somewhere(path: Path) -> None:
 
 @by_name([page for page in EVERY if page != README])
 def test_every_page_is_linked(path: Path) -> None:
-    links = {(page.parent / link.partition("#")[0]).resolve() for page in PAGES for link in _LINK.findall(page.read_text())}
+    links = {
+        (page.parent / link.partition("#")[0]).resolve() for page in PAGES for link in _LINK.findall(page.read_text())
+    }
     assert path in links
 
 
