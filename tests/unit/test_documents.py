@@ -143,6 +143,17 @@ def test_every_make_target_that_is_printed_is_one(path: Path) -> None:
     assert printed <= targets
 
 
+def test_every_dependency_has_its_line() -> None:
+    """Those that were asked for; below them stand those that these pull in."""
+    cells = re.findall(r"^\| ([^|]+) \|", (DOCS / "dependencies.md").read_text(), re.MULTILINE)
+    listed = {name.strip().lower() for cell in cells for name in cell.split(",")} - {"package", "---"}
+    asked = set()
+    for name in ("requirements.txt", "requirements-dev.txt"):
+        chosen = (ROOT / name).read_text().split("# pulled in by the above")[0]
+        asked |= {package.lower() for package in re.findall(r"^([\w-]+)==", chosen, re.MULTILINE)}
+    assert listed == asked
+
+
 def _anchors(path: Path) -> Iterator[str]:
     for line in path.read_text().splitlines():
         if line.startswith("#"):
