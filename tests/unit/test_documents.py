@@ -105,13 +105,13 @@ def test_every_test_that_is_named_is_there() -> None:
                 assert len(files) == 1 and test in known[files[0]], f"{page.name}: {test} is not in {files}"
 
 
-def test_every_stop_of_a_way_is_there_and_leads_through_few_rooms() -> None:
+def test_every_stop_of_a_way_is_there() -> None:
     """A way is a table with a function at each stop."""
-    ways = (DOCS / "architecture.md").read_text().split("<!-- way: ")[1:]
+    wiring, *ways = (DOCS / "architecture.md").read_text().split("<!-- way: ")
     assert [way.partition(" ")[0] for way in ways] == ["csi", "datagram", "pose", "wish", "replay"]
-    for way in ways:
+    for way in (wiring, *ways):
         stops = _STOP.findall(way)
-        assert len(stops) >= 4
+        assert len(stops) >= 2
         for file, function in stops:
             assert function in set(_functions(ROOT / file)), f"{file}: no {function}"
 

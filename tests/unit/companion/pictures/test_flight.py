@@ -33,7 +33,7 @@ def drawn(path: Path, monkeypatch: pytest.MonkeyPatch, turned: bool = False) -> 
     return figures[0], figures[0].axes[0]
 
 
-def annotations(axes: Axes) -> list[Annotation]:
+def annotated(axes: Axes) -> list[Annotation]:
     return [child for child in axes.get_children() if isinstance(child, Annotation)]
 
 
@@ -48,24 +48,24 @@ def test_both_paths_and_the_distance_at_the_end_are_drawn(tmp_path: Path, monkey
 
 def test_every_bearing_points_where_it_says_and_has_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _, axes = drawn(tmp_path / "f.png", monkeypatch)
-    arrows = [each for each in annotations(axes) if each.get_text() == ""]
+    arrows = [each for each in annotated(axes) if each.get_text() == ""]
     for arrow, bearing in zip(arrows, BEARINGS, strict=True):
         head, tail = np.asarray(arrow.xy), np.asarray(arrow.xyann)
         assert tuple(tail) == (bearing.east_m, bearing.north_m)
         assert math.atan2(*(head - tail)[::-1]) == pytest.approx(bearing.azimuth_rad)
-    assert [each.get_text() for each in annotations(axes) if each.get_text()] == ["3", "4", "N"]
+    assert [each.get_text() for each in annotated(axes) if each.get_text()] == ["3", "4", "N"]
 
 
 def test_a_number_stands_off_its_arrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Behind the tail and to the left: of an arrow to the North, South-West of its tail."""
     _, axes = drawn(tmp_path / "f.png", monkeypatch)
-    number = next(each for each in annotations(axes) if each.get_text() == "4")
+    number = next(each for each in annotated(axes) if each.get_text() == "4")
     assert np.asarray(number.xyann) == pytest.approx([-9.0, -8.0])
 
 
 def test_north_is_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _, axes = drawn(tmp_path / "f.png", monkeypatch)
-    arrow = next(each for each in annotations(axes) if each.get_text() == "N")
+    arrow = next(each for each in annotated(axes) if each.get_text() == "N")
     assert arrow.xy[0] == arrow.xyann[0] and arrow.xy[1] > arrow.xyann[1]
 
 
