@@ -5,17 +5,18 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test test-long faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
+.PHONY: demo pictures test test-long faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
+	@echo "make pictures  flies the demo and draws the README's pictures from it"
 	@echo "make test   checks and tests, side by side"
 	@echo "make test-long  tests that take longer than make test allows: every recording, not one of each set"
-	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/faults.md"
+	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/results/faults.md"
 	@echo "make mutants  mutation test of the set point gate"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
-	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/estimation.md (DATA=DIR...)"
+	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/results/ (DATA=DIR...)"
 	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
 	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
 	@echo "make .venv  the environment alone"
@@ -37,6 +38,11 @@ $(VENV)/dev.stamp: requirements-dev.txt $(VENV)/run.stamp
 
 demo: .venv
 	$(BIN)/companion demo $(ARGS)
+
+# The README's pictures, from a flight of the default world.
+pictures: .venv
+	$(BIN)/companion demo --out build/pictures
+	cp build/pictures/flight.png build/pictures/profile.png docs/pictures/
 
 # tests/lanes.py runs checks and tests side by side; docs/testing.md says what stands where.
 test: $(VENV)/dev.stamp t265
@@ -71,7 +77,7 @@ t265:
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
 
-# Writes the generated parts of docs/estimation.md; about ten minutes.
+# Writes docs/results/ablation.md, crossvalidation.md and simulated.md; about ten minutes.
 DATA := ../shared/data/wsr_dataset_dev ../shared/data/wsr_3d
 ablation: .venv
 	$(BIN)/python -m benchmarks.ablation --markdown $(DATA)

@@ -6,7 +6,7 @@ judged by its errors on those held out. The held-out errors together, cell by ce
 what choosing by these runs is worth on a place never seen; beside them stands each fixed choice over all links.
 
 A bootstrap over places and transmitters, since links of one place and transmitter err alike, says how well the figures
-of the default are known at all. `--markdown` writes what docs/estimation.md quotes.
+of the default are known at all. `--markdown` writes what docs/results/crossvalidation.md quotes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.document import ESTIMATION, replace_part
+from benchmarks.document import CROSS_VALIDATION, replace_part
 from benchmarks.recorded import Array, RecordedLink, Trials, cells, figures_of, missed, table, trials
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
@@ -164,7 +164,7 @@ def _several(links: Sequence[RecordedLink]) -> Iterator[tuple[str, Callable[[Rec
     help="In the choice errors count up to this [deg].",
 )
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write every error here.")
-@click.option("--markdown", is_flag=True, help="Write the result into docs/estimation.md.")
+@click.option("--markdown", is_flag=True, help="Write the result into docs/results/crossvalidation.md.")
 def main(directories: tuple[Path, ...], jobs: int, cut: float, json_path: Path | None, markdown: bool) -> None:
     """Median / mean |azimuth error| [deg] and the share under 10 degrees [%], of every choice and held out."""
     choices = grid()
@@ -175,7 +175,7 @@ def main(directories: tuple[Path, ...], jobs: int, cut: float, json_path: Path |
         errors = {str(choice): done.errors_deg[n].tolist() for n, choice in enumerate(choices)}
         json_path.write_text(json.dumps({"links": [asdict(link) for link in done.links], "errors_deg": errors}))
     if markdown:
-        replace_part(ESTIMATION, "cross-validation", lines)
+        replace_part(CROSS_VALIDATION, "cross-validation", lines)
 
 
 if __name__ == "__main__":

@@ -87,7 +87,7 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
             np.array([t.uav_antenna_enu_m for t in run.truths]),
             np.array([t.beacon_antenna_enu_m for t in run.truths]),
             bearings,
-            f"Rendezvous, seed {result.seed}: {result.outcome}",
+            f"The flight from above, seed {result.seed}: {result.outcome}",
         )
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:

@@ -145,7 +145,7 @@ def _conclude(
 def _verdict(checks: list[StreamCheck], result: ReplayResult, session: Session) -> str:
     differing = [one.topic for one in checks if one.difference is not None]
     if not differing and not result.unexpected:
-        click.echo("identical within the tolerances of docs/log.md")
+        click.echo("identical within the tolerances of docs/replay.md")
         return ""
     dropped = result.dropped_while_recording
     why = f"; {dropped} messages were dropped while recording, so it cannot be exact" if dropped else ""

@@ -76,7 +76,7 @@ REQUIREMENTS: Final = (
         "the height the legs are flown at is that of the poses",
     ),
 )  # fmt: skip
-"""docs/safety.md has this table, generated."""
+"""docs/vehicle.md has this table, generated."""
 
 
 def required_parameters(gps: bool) -> tuple[Requirement, ...]:

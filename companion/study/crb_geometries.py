@@ -120,7 +120,7 @@ def _summarise(rows: Sequence[BoundCurves]) -> Summary:
         [
             f"{_LENGTH_M} m of path, {_PACKETS} packets, one-way phase with variance {_PHASE_VARIANCE_RAD2} rad^2, "
             "channel 108; equal length, so the helix has 0.82 of the circle's radius.",
-            "The paper gives an order and no numbers. Where ours differs, docs/maths.md says why.",
+            "The paper gives an order and no numbers. Where ours differs, docs/results/studies.md says why.",
         ],
     )
 

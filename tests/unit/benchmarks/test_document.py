@@ -1,5 +1,5 @@
-"""What docs/estimation.md takes from code: a row for every switch, parts to write them into, and the cross-validation's
-arithmetic."""
+"""What docs/estimation.md and docs/results take from code: a row for every switch, parts to write them into, and the
+cross-validation's arithmetic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.ablation import DEFAULT, ROWS
 from benchmarks.crossvalidation import HELD_OUT, OWN, Choice, bootstrap, folds, grid
-from benchmarks.document import ESTIMATION, replace_part
+from benchmarks.document import ABLATION, CROSS_VALIDATION, DOCS, SIMULATED, replace_part
 from benchmarks.recorded import PUBLISHED, RecordedLink, Trials, cells, missed, table
 from wsr.estimators.options import RobustOptions
 
@@ -24,7 +24,7 @@ NUMBERS = ["delay_ns", "scales", "coherent_above", "power_share", "weak_below"]
 def test_every_step_has_a_row_of_its_own(name: str) -> None:
     changed = [[f.name for f in fields(o) if getattr(o, f.name) != getattr(DEFAULT, f.name)] for o in ROWS.values()]
     assert [name] in changed
-    assert f"`{name}`" in ESTIMATION.read_text()
+    assert f"`{name}`" in (DOCS / "estimation.md").read_text()
 
 
 def test_a_part_is_replaced_between_its_markers_and_nowhere_else(tmp_path: Path) -> None:
@@ -37,10 +37,12 @@ def test_a_part_is_replaced_between_its_markers_and_nowhere_else(tmp_path: Path)
         replace_part(document, "y", ["one"])
 
 
-@pytest.mark.parametrize("name", ["ablation", "simulated", "cross-validation"])
-def test_the_document_has_the_part(name: str, tmp_path: Path) -> None:
-    copy = tmp_path / "estimation.md"
-    copy.write_text(ESTIMATION.read_text())
+@pytest.mark.parametrize(
+    ("document", "name"), [(ABLATION, "ablation"), (SIMULATED, "simulated"), (CROSS_VALIDATION, "cross-validation")]
+)
+def test_the_document_has_the_part(document: Path, name: str, tmp_path: Path) -> None:
+    copy = tmp_path / document.name
+    copy.write_text(document.read_text())
     replace_part(copy, name, ["here"])
     assert f"<!-- generated: {name} -->\nhere\n" in copy.read_text()
 

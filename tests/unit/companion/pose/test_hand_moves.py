@@ -40,7 +40,7 @@ def test_what_a_person_does_wrong_is_told_apart() -> None:
 
 
 def test_the_table_of_moves() -> None:
-    """Nose to the North: forward is North, left is West. docs/safety.md has it, generated."""
+    """Nose to the North: forward is North, left is West. docs/vehicle.md has it, generated."""
     table = {move.name: expected_enu_m(move, math.pi / 2, 1.0) for move in MOVES}
     assert table["forward"] == pytest.approx((0, 1, 0)) and table["left"] == pytest.approx((-1, 0, 0), abs=1e-12)
     assert table["up"] == pytest.approx((0, 0, 1)) and table["turn left"] == (0, 0, 0)

@@ -1,4 +1,4 @@
-"""docs/safety.md says what the code does."""
+"""The parts of documents that are made from code say what the code does."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ from companion.mission.table import TABLE
 from companion.safety import document
 from tests.paths import DOCS
 
-_SAFETY = DOCS / "safety.md"
 
-
-def test_safety_document_is_current() -> None:
-    text = _SAFETY.read_text()
-    assert document.renewed(text) == text, (
-        "docs/safety.md is old: run python -m companion.safety.document docs/safety.md"
-    )
+@pytest.mark.parametrize("name", document.PARTS)
+def test_documents_are_current(name: str) -> None:
+    text = (DOCS / name).read_text()
+    assert document.renewed(name, text) == text, f"docs/{name} is old: run python -m companion.safety.document"
 
 
 def test_diagram_names_every_state_and_transition() -> None:
@@ -27,6 +24,6 @@ def test_diagram_names_every_state_and_transition() -> None:
             assert event.value in line.partition(": ")[2].split(", ")
 
 
-def test_document_without_markers_is_refused() -> None:
-    with pytest.raises(CompanionError, match="lacks the lines"):
-        document.renewed("# Safety")
+def test_a_document_without_its_markers_is_refused() -> None:
+    with pytest.raises(CompanionError, match=r"docs/vehicle\.md lacks the lines <!-- generated: axes -->"):
+        document.renewed("vehicle.md", "no markers")
