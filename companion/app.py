@@ -87,13 +87,13 @@ async def _serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> N
         return process
 
     # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-    url = config.autopilot.url
+    url, system_id = config.autopilot.url, config.autopilot.system_id
     uav = Uav(
         config,
         clock,
         recorder,
         LiveInputs(config),
-        lambda node: MavsdkAutopilot(url, MonotonicClock(), node.odometry_sink()),
+        lambda node: MavsdkAutopilot(url, MonotonicClock(), node.odometry_sink(), system_id),
         make_worker,
     )
     node, flight, autopilot = uav.node, uav.flight, uav.autopilot
