@@ -67,8 +67,6 @@ _INTERVALS_US: Final = {
 _ODOMETRY: Final = 331
 _ODOMETRY_INTERVAL_US: Final = 20_000
 """Where it is also our source of poses."""
-_TIMESYNC_S = 0.5
-"""Exchanges begin with each of PX4's own requests, at 10 Hz. Where those stay away, this often."""
 _RESULTS: Final = ("accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled")
 
 
@@ -85,7 +83,7 @@ class MavsdkAutopilot:
         """`on_odometry` gets the autopilot's own odometry as poses, on the library's thread. Without a `system_id` the
         first PX4 that is heard is ours, and no other ever after."""
         self._clock = clock
-        self._telemetry = Telemetry(clock.now_ns, on_odometry, self._exchange_time)
+        self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time)
         self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id)
         self._asked_ns = 0
         self._asked_boots = -1
@@ -172,16 +170,12 @@ class MavsdkAutopilot:
             raise AutopilotError(f"autopilot {self._link.url}: its own time is not known yet; ODOMETRY was not sent")
         self._link.send("ODOMETRY", **odometry_fields(pose, reset_counter, vehicle_ns))
 
-    def _exchange_time(self, ts1: int) -> None:
-        """The vehicle asks for our time, on the library's thread: it gets its own, as we know it, and is asked back."""
-        with contextlib.suppress(AutopilotError):  # what was not sent shows as an exchange that stays away
-            vehicle_ns = self._telemetry.vehicle_ns(self._clock.now_ns())
-            if vehicle_ns is not None:
-                self._link.send("TIMESYNC", tc1=vehicle_ns, ts1=ts1)
-            self._ask_for_time()
-
-    def _ask_for_time(self) -> None:
-        self._link.send("TIMESYNC", tc1=0, ts1=self._telemetry.time_request())
+    def _answer_time(self, ts1: int) -> None:
+        """PX4 asks for our time, on the library's thread: it gets its own, as we know it, since poses carry that."""
+        vehicle_ns = self._telemetry.vehicle_ns(self._clock.now_ns())
+        if vehicle_ns is not None:
+            with contextlib.suppress(AutopilotError):  # PX4 asks again
+                self._link.send_addressed("TIMESYNC", tc1=vehicle_ns, ts1=ts1)
 
     def take_events(self) -> list[AutopilotEvent]:
         return self._telemetry.take_events()
@@ -330,12 +324,10 @@ class MavsdkAutopilot:
                     self._link.send("ONBOARD_COMPUTER_STATUS", **onboard_status.fields())
 
     def _ask_again(self) -> None:
-        """A late heartbeat, the time, and all that a restarted vehicle has forgotten or that was lost on the way."""
+        """A late heartbeat, and all that a restarted vehicle has forgotten or that was lost on the way."""
         state, now_ns = self.state(), self._clock.now_ns()
         if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
             self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
-        if now_ns - (state.timesync_mono_ns or 0) > _TIMESYNC_S * NS_PER_S:
-            self._ask_for_time()
         unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(_INTERVALS_US)
         due = now_ns - self._asked_ns > _STATUS_S * NS_PER_S
         if state.boots != self._asked_boots or (due and unanswered):

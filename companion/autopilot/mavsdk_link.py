@@ -128,7 +128,7 @@ class MavsdkLink:
         others = ", ".join(text for number, text in texts.items() if number != self.system_id)
         if self.system_id in texts or (self.system_id is None and texts):
             found = texts.get(self.system_id or 0, others)
-            return f"autopilot {self.url}: {found} is no PX4; nothing is sent to it"
+            return f"autopilot {self.url}: {found} is no PX4 and is left alone"
         ours = "an autopilot" if self.system_id is None else f"system {self.system_id}"
         left = f"; heard and left alone: {others}" if others else ""
         return f"autopilot {self.url}: no heartbeat of {ours} within {timeout_s:g} s{left}"

@@ -138,11 +138,6 @@ class Telemetry:
         with self._lock:
             return self._vehicle_clock.at(t_mono_ns)
 
-    def time_request(self) -> int:
-        """Begins an exchange of TIMESYNC: its ts1."""
-        with self._lock:
-            return self._vehicle_clock.request(self._now_ns())
-
     def take_events(self) -> list[AutopilotEvent]:
         """What the autopilot has said since the last call, oldest first."""
         events = []
@@ -212,15 +207,13 @@ class Telemetry:
         return {"yaw_enu_rad": yaw_rad, "boot_ms": int(fields["time_boot_ms"])}
 
     def _timesync(self, fields: Fields, now_ns: int) -> Fields:
-        """Without tc1 PX4 asks, and ts1 is its time; with it PX4 answers a question, not always ours."""
-        tc1, ts1 = int(fields["tc1"]), int(fields["ts1"])
-        self._told(tc1 or ts1, now_ns)
-        if not tc1:
-            self._on_time_question(ts1)
+        """Without tc1 PX4 asks for our time, and ts1 is its own."""
+        if int(fields["tc1"]):
             return {}
-        with self._lock:
-            is_ours = self._vehicle_clock.answer(tc1, ts1, now_ns)
-        return {"timesync_mono_ns": now_ns} if is_ours else {}
+        ts1 = int(fields["ts1"])
+        self._told(ts1, now_ns)
+        self._on_time_question(ts1)
+        return {"timesync_mono_ns": now_ns}
 
     def _battery(self, fields: Fields, now_ns: int) -> Fields:
         percent = int(fields["battery_remaining"])

@@ -88,7 +88,7 @@ class VehicleState:
     estimator_healthy: bool = False
     """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS), which come now."""
     timesync_mono_ns: int | None = None
-    """When the autopilot last answered one of our TIMESYNC requests."""
+    """When the autopilot last asked for our time (TIMESYNC)."""
     rc_mono_ns: int | None = None
     rc_us: tuple[int, ...] = ()
     """Pulse widths of the RC channels, first to last; empty without RC."""
@@ -109,7 +109,7 @@ class VehicleState:
     boot_ms: int | None = None
     """Its own time since its start, as it last told it."""
     clock_offset_ns: int | None = None
-    """Its clock minus ours (CLOCK_MONOTONIC), by TIMESYNC."""
+    """Its clock minus ours (CLOCK_MONOTONIC), to within the delay of the link."""
     stood_still_ns: int = 0
     """By how much its clock has leapt ahead of ours so far: our clock stood still then, and this program too."""
     resets: int = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -15,6 +16,7 @@ from companion.sim.px4.parameters import field_and_kind, written
 from companion.sim.px4.streams import Streams
 
 Mute = Literal["nothing", "heartbeats", "everything"]
+_TIMESYNC = struct.Struct("<qqBB")
 _MODE_COMMANDS = {mavlink.MAV_CMD_NAV_LAND: Mode.LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: Mode.RTL}
 
 
@@ -121,10 +123,16 @@ class Px4Link:
     def _on_timesync(self, message: Any) -> None:
         own_ns = self.clock.ns(self._now_ns)
         if message.tc1 == 0:
-            self._mav.send(self._mav.timesync_encode(own_ns, message.ts1))
+            self._answer_timesync(own_ns, message.ts1)
         else:
             self.timesync_answers += 1
             self.companion_clock.answer(own_ns, message.tc1, message.ts1)  # ts1 is our own time when we asked
+
+    def _answer_timesync(self, own_ns: int, ts1: int) -> None:
+        """PX4 1.16 leaves the target of this one unset, so that it seems addressed to whatever its stack held."""
+        message = self._mav.timesync_encode(own_ns, ts1)
+        self.write(message._pack(self._mav, message.crc_extra, _TIMESYNC.pack(own_ns, ts1, 160, 234)))
+        self._mav.seq = (self._mav.seq + 1) % 256
 
     def _on_set_gps_global_origin(self, message: Any) -> None:
         self.commander.estimator.set_origin(message.altitude / 1000)

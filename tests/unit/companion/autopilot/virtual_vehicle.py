@@ -31,14 +31,16 @@ class VirtualVehicle:
         self.edge._telemetry.identify(self.system_id)
         self.sent: list[str] = []
         self.poses: float | None = None
-        """How old our poses are when they are sent [s], at 30 Hz; None for none."""
+        """How old our poses are when they are sent [s]; None for none."""
+        self._pose_s = 1 / 30
         self._delay_s = delay_s
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=191)
         self._parser = mavlink.MAVLink(None)
         self._to_px4: list[bytes] = []
 
     def quiet(self) -> None:
-        """Only what tells the time, the estimator and the mode: for long times."""
+        """For long times: only what tells the time, the estimator and the mode, and poses at 10 Hz."""
+        self._pose_s = 0.1
         for name in ("ATTITUDE", "ODOMETRY", "SYS_STATUS", "EXTENDED_SYS_STATE", "GPS_RAW_INT", "GLOBAL_POSITION_INT"):
             self.px4.link.streams._period_ns[name] = -1
         for name in ("LOCAL_POSITION_NED", "CURRENT_MODE", "ESTIMATOR_STATUS"):
@@ -54,7 +56,9 @@ class VirtualVehicle:
         self._to_px4.append(message.pack(self._mav))
 
     def send_addressed(self, name: str, **fields: Any) -> None:
-        self.send(name, target_system=self.system_id, target_component=1, **fields)
+        # pymavlink knows TIMESYNC without its newer fields.
+        address = {} if name == "TIMESYNC" else {"target_system": self.system_id, "target_component": 1}
+        self.send(name, **address, **fields)
 
     def run(self, seconds: float) -> None:
         watch_s = pose_s = 0.0
@@ -65,7 +69,7 @@ class VirtualVehicle:
             if watch_s >= _WATCH_S:
                 watch_s = 0.0
                 self.edge._ask_again()
-            if self.poses is not None and pose_s >= 1 / 30:
+            if self.poses is not None and pose_s >= self._pose_s:
                 pose_s = 0.0
                 self._send_pose(self.poses)
             self._flush()
