@@ -87,6 +87,7 @@ class MavsdkAutopilot:
         self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id)
         self._asked_ns = 0
         self._asked_boots = -1
+        self._others: set[str] = set()
         self._wants_odometry = on_odometry is not None
         self._problem = "not connected yet"
 
@@ -169,6 +170,20 @@ class MavsdkAutopilot:
         if vehicle_ns is None or vehicle_ns < 0:
             raise AutopilotError(f"autopilot {self._link.url}: its own time is not known yet; ODOMETRY was not sent")
         self._link.send("ODOMETRY", **odometry_fields(pose, reset_counter, vehicle_ns))
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Where the local frame of a vehicle without GPS lies: without that PX4 has no global position and cannot hold.
+
+        Its altitude is always 0: PX4 1.16 moves the estimate down by it when a `reset_counter` rises.
+        """
+        self._link.send(
+            "SET_GPS_GLOBAL_ORIGIN",
+            target_system=self._link.system_id,
+            latitude=round(1e7 * latitude_deg),
+            longitude=round(1e7 * longitude_deg),
+            altitude=0,
+            time_usec=0,
+        )
 
     def _answer_time(self, ts1: int) -> None:
         """PX4 asks for our time, on the library's thread: it gets its own, as we know it, since poses carry that."""
@@ -321,7 +336,14 @@ class MavsdkAutopilot:
                 self._ask_again()
                 if self._clock.now_ns() - status_ns >= _STATUS_S * NS_PER_S:
                     status_ns = self._clock.now_ns()
+                    self._warn_of_others()
                     self._link.send("ONBOARD_COMPUTER_STATUS", **onboard_status.fields())
+
+    def _warn_of_others(self) -> None:
+        """Another vehicle on the link is left alone, and said once."""
+        for name in self._link.others() - self._others:
+            self._others.add(name)
+            _LOG.warning("autopilot %s: %s is on the link too and is left alone", self._link.url, name)
 
     def _ask_again(self) -> None:
         """A late heartbeat, and all that a restarted vehicle has forgotten or that was lost on the way."""

@@ -141,9 +141,18 @@ class MavsdkLink:
         for name in self._names:
             self._direct.subscribe_message(name, self._take)
 
+    def others(self) -> set[str]:
+        """The other vehicles that are heard on the link, in words."""
+        systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
+        return {_name(s) for s in systems if s.has_autopilot() and s.get_system_id() != self.system_id}
+
     def _take(self, message: MavlinkMessage, user_data: object) -> None:
         if message.system_id == self.system_id:
             self._on_message(message.message_name, message.component_id, message.fields_json)
+
+
+def _name(system: Any) -> str:
+    return f"system {system.get_system_id()} ({_NAMES.get(system.autopilot_type(), 'an unknown autopilot')})"
 
 
 def _refuse_taken_port(url: str) -> None:

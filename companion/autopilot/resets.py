@@ -7,7 +7,7 @@ from typing import Final
 
 from companion.core.messages import Pose, Vector3
 
-_NOISE_M: Final = 0.05
+_NOISE_M: Final = 0.1
 """A smaller step at a raised counter is motion: the reset was of something else (velocity, heading)."""
 
 

@@ -268,7 +268,9 @@ async def test_a_restarted_autopilot_is_found_again_and_asked_again(port: int, t
         await edge.aclose()
 
 
-async def test_another_vehicle_on_the_link_is_never_taken_for_ours(px4: Px4Process, port: int) -> None:
+async def test_another_vehicle_on_the_link_is_never_taken_for_ours(
+    px4: Px4Process, port: int, caplog: pytest.LogCaptureFixture
+) -> None:
     edge = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", _CLOCK)
     running = asyncio.create_task(edge.run())
     try:
@@ -276,6 +278,9 @@ async def test_another_vehicle_on_the_link_is_never_taken_for_ours(px4: Px4Proce
             while edge.problem:  # noqa: ASYNC110 - the port is polled
                 await asyncio.sleep(0.02)
         px4.order("stranger 2")
+        async with asyncio.timeout(5):
+            while "system 2 (PX4) is on the link too and is left alone" not in caplog.text:  # noqa: ASYNC110
+                await asyncio.sleep(0.02)
         px4.order("vanish")
         async with asyncio.timeout(20):
             while "left alone" not in edge.problem:  # noqa: ASYNC110 - the port is polled

@@ -137,3 +137,15 @@ def test_batteries_by_their_ids_and_ages() -> None:
     state = vehicle.state()
     assert state.battery_remaining is None and state.batteries_unknown == (0, 1) and state.battery_mono_ns is not None
     assert told_ns is not None and state.battery_mono_ns <= told_ns + NS_PER_S
+
+
+def test_an_origin_gives_a_vehicle_without_gps_its_global_position() -> None:
+    vehicle = VirtualVehicle(parameters=_GPS_DENIED)
+    vehicle.run(1.0)
+    vehicle.poses = 0.02
+    vehicle.run(1.0)
+    assert not vehicle.px4.commander.estimator.has_global_position
+    vehicle.edge.set_origin(47.4, 8.5)
+    vehicle.run(0.1)
+    assert vehicle.px4.commander.estimator.has_global_position
+    assert vehicle.px4.commander.estimator.origin_altitude_m == 0.0
