@@ -149,6 +149,8 @@ class ApertureConfig:
 class AutopilotConfig:
     url: str
     """MAVSDK connection, for example udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600."""
+    system_id: Annotated[int, Meta(ge=1, le=255)] | None = None
+    """MAVLink system id of our vehicle (MAV_SYS_ID); absent for the first PX4 that is heard, and no other after it."""
     gps: bool = True
     """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
     forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0

@@ -22,7 +22,7 @@ from companion.sensing.worker_process import AoaProcess
 async def serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> None:
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
     assert config.autopilot is not None
-    url = config.autopilot.url
+    url, system_id = config.autopilot.url, config.autopilot.system_id
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
     uav = Uav(
         config=config,
@@ -30,7 +30,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> No
         recorder=recorder,
         inputs=LiveInputs(config),
         # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-        make_autopilot=lambda odometry: MavsdkAutopilot(url, MonotonicClock(), odometry),
+        make_autopilot=lambda odometry: MavsdkAutopilot(url, MonotonicClock(), odometry, system_id),
         worker=worker,
     )
     worker.answers.connect(uav.sar.take_answer)
