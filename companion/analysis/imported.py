@@ -22,7 +22,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, TrajectoryError, read_trajectory
+from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
 from companion.core.messages import Vector3
 from companion.core.streams import CSI, POSE, Part, Stream
 from companion.errors import CompanionError
@@ -30,6 +30,7 @@ from companion.log import foxglove
 from companion.log.export import export as export_flight
 from companion.log.reader import LogScan, Progress, Session
 from companion.log.writer import LogWriter
+from companion.pose.trajectory_columns import TrajectoryError
 from csi_bridge.dat import DatFileError
 from csi_bridge.encoder import encode_file_record
 from csi_bridge.replay import read_tape

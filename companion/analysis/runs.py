@@ -18,8 +18,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.analysis.trajectories import MAX_POSITION_M, PoseKind, guess_kind
+from companion.analysis.trajectories import PoseKind, guess_kind
 from companion.errors import CompanionError
+from companion.pose.trajectory_checks import MAX_POSITION_M
+from wsr.channel import channel_frequency_hz
 
 KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -31,6 +33,7 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 )
 """The radio cards of the WSR data sets."""
 TRUTH_NAME: Final = "groundtruth_positions.json"
+_MAX_TRUTH_BYTES: Final = 10_000_000
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.dat")
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
 
@@ -105,13 +108,16 @@ def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind |
 def read_truth(path: Path) -> Truth:
     """Channel and true positions. Raises RecordingError that names the file and the key."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        if path.stat().st_size > _MAX_TRUTH_BYTES:
+            raise RecordingError(f"{path}: larger than 10 MB, expected a few true positions")
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from None
-    except ValueError:
-        raise RecordingError(f"{path}: not a JSON file") from None
+    except (ValueError, RecursionError):
+        raise RecordingError(f"{path}: not a JSON file of true positions") from None
     try:
         channel = _whole(content["channel"]["value"])
+        channel_frequency_hz(channel)
         places = {str(name): entry["position"] for name, entry in content["true_tx_positions"]["value"].items()}
         positions = {name: np.array([float(place[axis]) for axis in "xyz"]) for name, place in places.items()}
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import yaml
 
-from companion.config.schema import Config
+from companion.config.schema import CHECK, Config
 from companion.errors import ConfigError
 
 
@@ -87,10 +87,16 @@ def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
         errors.append(f"{path}: expected a finite number (got {value!r})")
         return None
     try:
-        return msgspec.convert(value, hint)
+        converted = msgspec.convert(value, hint)
+        for meta in (one for one in arguments if isinstance(one, msgspec.Meta) and one.extra):
+            meta.extra[CHECK](converted)
     except msgspec.ValidationError as error:
         errors.append(f"{path}: {str(error).replace('`', '')} (got {value!r})")
         return None
+    except ValueError as error:
+        errors.append(f"{path}: {error}")
+        return None
+    return converted
 
 
 def _is_finite(value: Any) -> bool:
