@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import mmap
+import os
+import stat
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -10,6 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from csi_bridge.foreign import foreign_format
 from csi_bridge.parser import HEADER, LAYOUTS, body_shape
 from csi_bridge.payload import payload_bytes, unpack
 from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, SUBCARRIERS, CsiError, row_antennas
@@ -21,6 +26,13 @@ _SHAPE_BYTES: Final = np.array([0, 1, 2, 11, 12, 19, 20])
 _DECODED_AT_ONCE: Final = 2048
 """Records: what is worked on stays in the processor's cache."""
 _MAX_CSI_BODY: Final = LAYOUTS[-1] + payload_bytes(MAX_ANTENNAS, MAX_ANTENNAS)
+
+
+_MAPPED_BYTES: Final = 32 << 20
+"""Files beyond are mapped and their pages given back as they are gone through, instead of read whole."""
+_SELECTED_AT_ONCE: Final = 65536
+_CSI_BYTE: Final = bytes([CSI_CODE])
+Content = bytes | mmap.mmap
 
 
 class DatFileError(ValueError):
@@ -65,6 +77,16 @@ class CsiLog:
 
 
 @dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which records to keep, so that memory goes by what is used. A record without a host time or counter is kept."""
+
+    time_s: tuple[float, float] | None = None
+    """First and last host time."""
+    counters: tuple[int, int] | None = None
+    """First and last frame counter."""
+
+
+@dataclass(frozen=True, slots=True)
 class _Run:
     """Records of one shape, one behind the other: where the first begins, bytes of each with its length, how many."""
 
@@ -101,31 +123,47 @@ class _Frames:
         self.unknown += code not in (CSI_CODE, MPDU_CODE)
 
 
-def read_dat(path: str | Path) -> CsiLog:
-    """Raises DatFileError for a file that is missing, unreadable, empty or no CSI log."""
+def read_dat(path: str | Path, wanted: Wanted | None = None) -> CsiLog:
+    """All records, or those `wanted`. Raises DatFileError for a file that is missing, unreadable, empty or no CSI
+    log."""
     path = Path(path)
     data = _content(path)
-    frames = _frames(data)
-    count = frames.records
-    # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
-    if count == 0 and frames.mpdu <= frames.malformed + frames.unknown:
-        raise DatFileError(f"{path}: not a CSI log ({count} CSI records in {len(data)} bytes)")
-    return _decode(path, np.frombuffer(data, np.uint8), frames, count)
+    frames = _sound_frames(path, data)
+    array = np.frombuffer(data, np.uint8)
+    if wanted is not None:
+        _keep(array, frames, wanted, _release_of(data))
+    return _decode(path, array, frames, frames.records, _release_of(data))
 
 
-def frame_offsets(path: str | Path) -> tuple[bytes, list[tuple[int, int]]]:
-    """The file's bytes and where each sound frame of it, CSI or other, begins and ends. Raises as `read_dat`."""
+def frame_offsets(path: str | Path) -> tuple[Content, npt.NDArray[np.int64]]:
+    """The file's bytes, and (N, 2) where each sound frame of it, CSI or other, begins and ends. Raises as
+    `read_dat`."""
     data = _content(Path(path))
+    frames = _sound_frames(Path(path), data)
+    begins = [run.first + run.size * np.arange(run.count, dtype=np.int64) for run in frames.runs]
+    ends = [begin + run.size for begin, run in zip(begins, frames.runs, strict=True)]
+    others = np.array(frames.others, np.int64).reshape(-1, 2)
+    offsets = np.stack([np.concatenate([*begins, others[:, 0]]), np.concatenate([*ends, others[:, 1]])], axis=1)
+    return data, offsets[np.argsort(offsets[:, 0], kind="stable")]
+
+
+def _sound_frames(path: Path, data: Content) -> _Frames:
     frames = _frames(data)
+    # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
     if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:
-        raise DatFileError(f"{path}: not a CSI log ({frames.records} CSI records in {len(data)} bytes)")
-    runs = ((at, at + run.size) for run in frames.runs for at in range(run.first, run.end, run.size))
-    return data, sorted([*frames.others, *runs])
+        what = foreign_format(data[:4096])
+        seen = f"{f'{what}; ' if what else ''}{frames.records} CSI records in {len(data)} bytes"
+        raise DatFileError(f"{path}: not a CSI log ({seen}); expected one of the Intel 5300's CSI tool")
+    return frames
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path) -> Content:
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise DatFileError(f"{path}: not a file, expected a CSI log")
+            size = os.fstat(file.fileno()).st_size
+            data = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) if size > _MAPPED_BYTES else file.read()
     except OSError as error:
         raise DatFileError(f"{path}: {error.strerror}") from None
     if not data:
@@ -133,18 +171,62 @@ def _content(path: Path) -> bytes:
     return data
 
 
-def _frames(data: bytes) -> _Frames:
+def _release_of(data: Content) -> Callable[[], None]:
+    """Gives pages of a mapped file back: they are read again where they are needed again."""
+    if isinstance(data, bytes):
+        return lambda: None
+    return lambda: data.madvise(mmap.MADV_DONTNEED)
+
+
+def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release: Callable[[], None]) -> None:
+    """Leaves in `frames` only the records that are wanted, in stretches of neighbours."""
+    groups, frames.records = frames.groups, 0
+    frames.groups = defaultdict(list)
+    runs = sorted(((first, shape, at) for shape, found in groups.items() for first, at in found), key=lambda r: r[0])
+    for _, shape, offsets in runs:
+        for start in range(0, len(offsets), _SELECTED_AT_ONCE):
+            part = offsets[start : start + _SELECTED_AT_ONCE]
+            kept = np.flatnonzero(_is_wanted(data, part, shape, wanted))
+            release()
+            for stretch in np.split(kept, np.flatnonzero(np.diff(kept) > 1) + 1):
+                if len(stretch):
+                    frames.groups[shape].append((frames.records, part[stretch]))
+                    frames.records += len(stretch)
+
+
+def _is_wanted(
+    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted
+) -> npt.NDArray[np.bool_]:
+    """(N,) of records whose bodies are at `offsets`, evenly spaced."""
+    layout = shape[0]
+    step = int(offsets[1] - offsets[0]) if len(offsets) > 1 else layout
+    rows = np.lib.stride_tricks.as_strided(data[offsets[0] :], (len(offsets), layout), (step, 1))
+    kept = np.ones(len(offsets), np.bool_)
+    if wanted.time_s is not None and layout >= 34:
+        host_s = _column(rows, 20, "<u4") + _column(rows, 24, "<u4") * 1e-6
+        kept &= (host_s >= wanted.time_s[0]) & (host_s <= wanted.time_s[1])
+    if wanted.counters is not None and layout == 38:
+        counters = _column(rows, 34, "<u4")
+        kept &= (counters >= wanted.counters[0]) & (counters <= wanted.counters[1])
+    return kept
+
+
+def _frames(data: Content) -> _Frames:
     """Goes from length to length; where one leads to no record, on to the next CSI record there is."""
     view, found = memoryview(data), _Frames()
     array = np.frombuffer(data, np.uint8)
+    release = _release_of(data)
     runs: list[_Run] = []
-    start = 0
+    start = released = 0
     while len(view) - start > 2:
+        if start - released > _MAPPED_BYTES:
+            release()
+            released = start
         end = _end(view, start)
         shape = _csi_shape(view, start)
         if shape is not None:
             # Logs are long runs of records of one shape: the first shows it, the others are compared with it at once.
-            runs.append(_Run(shape, start, end - start, _repeats(array, start, end - start)))
+            runs.append(_Run(shape, start, end - start, _repeats(array, start, end - start, release)))
             start = runs[-1].end
         elif _leads_on(view, end):
             found.count(view[start + 2] if end - start > 2 else CSI_CODE, start, end)
@@ -164,7 +246,7 @@ def _frames(data: bytes) -> _Frames:
     return found
 
 
-def _repeats(data: npt.NDArray[np.uint8], start: int, size: int) -> int:
+def _repeats(data: npt.NDArray[np.uint8], start: int, size: int, release: Callable[[], None]) -> int:
     """How many records from `start` on are like the first: same length, code, antennas and payload length."""
     count, chunk = 1, 8
     while available := min(chunk, (len(data) - start) // size - count):
@@ -175,6 +257,7 @@ def _repeats(data: npt.NDArray[np.uint8], start: int, size: int) -> int:
             return count + int(differs[0])
         count += available
         chunk = 4096
+        release()
     return count
 
 
@@ -206,7 +289,7 @@ def _is_cut_csi(view: memoryview, start: int) -> bool:
     return True
 
 
-def _search(data: bytes, start: int, runs: list[_Run]) -> tuple[int, int]:
+def _search(data: Content, start: int, runs: list[_Run]) -> tuple[int, int]:
     """Where the damage at `start` begins and where the next record does, or the file ends.
 
     It may have begun in the record before, whose length was then wrong in a way that it agreed with all others: that is
@@ -226,10 +309,10 @@ def _search(data: bytes, start: int, runs: list[_Run]) -> tuple[int, int]:
     return start, resumed
 
 
-def _next_csi(data: bytes, start: int) -> int:
+def _next_csi(data: Content, start: int) -> int:
     """Where the first CSI record at or behind `start` is; the length of `data` where there is none."""
     view, at = memoryview(data), start
-    while (code_at := data.find(CSI_CODE, at + 2)) >= 0:
+    while (code_at := data.find(_CSI_BYTE, at + 2)) >= 0:
         at = code_at - 2
         if _csi_shape(view, at) is not None:
             return at
@@ -250,7 +333,9 @@ def _leads_on(view: memoryview, start: int, frames: int = 2) -> bool:
     return _leads_on(view, end, frames - 1)
 
 
-def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int) -> CsiLog:
+def _decode(
+    path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int, release: Callable[[], None]
+) -> CsiLog:
     max_tx = max((n_tx for _, _, n_tx in frames.groups), default=1)
     header = np.zeros((count, 38), np.uint8)
     layouts = np.zeros(count, np.uint8)
@@ -264,6 +349,7 @@ def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int
                 layouts[at] = layout
                 used = _decode_run(data, part, (layout, n_rx, n_tx), header[at], csi[at])
                 antennas = max(antennas, used)
+                release()
     stamped = layouts >= 34
     return CsiLog(
         path=path,

@@ -88,8 +88,9 @@ def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
         return None
     try:
         converted = msgspec.convert(value, hint)
-        for meta in (one for one in arguments if isinstance(one, msgspec.Meta) and one.extra):
-            meta.extra[CHECK](converted)
+        for extra in (one.extra for one in arguments if isinstance(one, msgspec.Meta)):
+            if extra is not None:
+                extra[CHECK](converted)
     except msgspec.ValidationError as error:
         errors.append(f"{path}: {str(error).replace('`', '')} (got {value!r})")
         return None
