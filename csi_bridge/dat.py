@@ -71,6 +71,10 @@ class CsiLog:
     """Passed over to find the next record where a length could not be trusted."""
     truncated_bytes: int
     """Of a record cut off by the end of the file: normal, the logger writes whole pages."""
+    left_out_count: int = 0
+    """Sound CSI records that were not wanted."""
+    left_out_s: tuple[float, float] | None = None
+    """First and last host time of those."""
 
     def __len__(self) -> int:
         return len(self.layout)
@@ -108,6 +112,8 @@ class _Frames:
     runs: list[_Run] = field(default_factory=list)
     others: list[tuple[int, int]] = field(default_factory=list)
     """Where each frame of another code begins and ends."""
+    left_out: int = 0
+    left_out_s: tuple[float, float] | None = None
     mpdu: int = 0
     unknown: int = 0
     malformed: int = 0
@@ -186,7 +192,8 @@ def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release:
     for _, shape, offsets in runs:
         for start in range(0, len(offsets), _SELECTED_AT_ONCE):
             part = offsets[start : start + _SELECTED_AT_ONCE]
-            kept = np.flatnonzero(_is_wanted(data, part, shape, wanted))
+            kept = np.flatnonzero(_is_wanted(data, part, shape, wanted, frames))
+            frames.left_out += len(part) - len(kept)
             release()
             for stretch in np.split(kept, np.flatnonzero(np.diff(kept) > 1) + 1):
                 if len(stretch):
@@ -195,9 +202,9 @@ def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release:
 
 
 def _is_wanted(
-    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted
+    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted, frames: _Frames
 ) -> npt.NDArray[np.bool_]:
-    """(N,) of records whose bodies are at `offsets`, evenly spaced."""
+    """(N,) of records whose bodies are at `offsets`, evenly spaced; notes in `frames` when the others were."""
     layout = shape[0]
     step = int(offsets[1] - offsets[0]) if len(offsets) > 1 else layout
     rows = np.lib.stride_tricks.as_strided(data[offsets[0] :], (len(offsets), layout), (step, 1))
@@ -205,6 +212,10 @@ def _is_wanted(
     if wanted.time_s is not None and layout >= 34:
         host_s = _column(rows, 20, "<u4") + _column(rows, 24, "<u4") * 1e-6
         kept &= (host_s >= wanted.time_s[0]) & (host_s <= wanted.time_s[1])
+        if not np.all(kept):
+            first, last = float(host_s[~kept].min()), float(host_s[~kept].max())
+            known = frames.left_out_s or (first, last)
+            frames.left_out_s = min(first, known[0]), max(last, known[1])
     if wanted.counters is not None and layout == 38:
         counters = _column(rows, 34, "<u4")
         kept &= (counters >= wanted.counters[0]) & (counters <= wanted.counters[1])
@@ -371,6 +382,8 @@ def _decode(
         malformed_count=frames.malformed,
         skipped_bytes=frames.skipped_bytes,
         truncated_bytes=frames.truncated_bytes,
+        left_out_count=frames.left_out,
+        left_out_s=frames.left_out_s,
     )
 
 

@@ -172,7 +172,7 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     dropped[WEAK] = int(np.count_nonzero(~strong))
     if not np.any(strong):
         log = rx if not np.any(np.abs(centre_forward) >= _WEAK_COUNTS) else tx
-        raise ExchangeError(f"{log.path}: the CSI of all {len(i)} packets is zero, or below one count: nothing measured")
+        raise ExchangeError(f"{log.path}: the CSI of all {len(i)} packets is zero: the card measured nothing")
     return Exchanges(
         t_s=t_s[strong],
         tx_t_s=tx_t_s[strong],

@@ -8,8 +8,9 @@ Trajectories may stand in a folder beside that of the CSI, and `groundtruth_posi
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -35,6 +36,7 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 TRUTH_NAME: Final = "groundtruth_positions.json"
 _MAX_TRUTH_BYTES: Final = 10_000_000
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.dat")
+_TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
 
 Position = npt.NDArray[np.float64]
@@ -63,6 +65,10 @@ class Run:
     rx: Path | None
     tx: Mapping[str, Path] = field(default_factory=dict)
     trajectories: Mapping[PoseKind, Path] = field(default_factory=dict)
+    ambiguous: Mapping[PoseKind, tuple[Path, ...]] = field(default_factory=dict)
+    """Trajectories of which none is the run's more than the others: nobody but the user can choose."""
+    tx_trajectories: Mapping[str, Path] = field(default_factory=dict)
+    """Of transmitters that move, by name; each stamped by its own host's clock."""
     truth: Path | None = None
     loose: bool = False
     """The user chose the files one by one, so that none is missing."""
@@ -79,10 +85,15 @@ class Run:
 
 def find_runs(root: Path) -> list[Run]:
     """Every run in `root` and in the folders below it, by folder and time stamp. Raises RecordingError for none."""
-    if not root.is_dir():
-        raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
-    folders = sorted({path.parent for path in root.rglob("csi_*.dat") if _CSI_NAME.fullmatch(path.name)})
-    runs = [run for folder in folders for run in _runs_of(folder)]
+    try:
+        if not root.is_dir():
+            raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
+        with os.scandir(root):
+            pass  # rglob finds nothing in a folder that it may not list, and says nothing
+        folders = sorted({path.parent for path in root.rglob("csi_*.dat") if _CSI_NAME.fullmatch(path.name)})
+        runs = [run for folder in folders for run in _runs_of(folder)]
+    except OSError as error:
+        raise RecordingError(f"{error.filename or root}: {error.strerror}") from None
     if not runs:
         raise RecordingError(f"{root}: no recorded run here or below (expected files such as csi_rx_<time>.dat)")
     return runs
@@ -144,27 +155,54 @@ def _runs_of(folder: Path) -> list[Run]:
         match = _CSI_NAME.fullmatch(path.name)
         if match:
             files.setdefault(match[2], {})[match[1]] = path
-    return [
-        Run(
-            stamp=stamp,
-            folder=folder,
-            rx=ends.get("rx"),
-            tx={name: path for name, path in ends.items() if name != "rx"},
-            trajectories=_trajectories(folder, stamp),
-            truth=_truth_near(folder),
+    runs = []
+    for stamp, ends in sorted(files.items()):
+        fitting = _trajectories(folder, stamp, files.keys() - {stamp})
+        runs.append(
+            Run(
+                stamp=stamp,
+                folder=folder,
+                rx=ends.get("rx"),
+                tx={name: path for name, path in ends.items() if name != "rx"},
+                trajectories={kind: paths[0] for kind, paths in fitting.items() if len(paths) == 1},
+                ambiguous={kind: tuple(paths) for kind, paths in fitting.items() if len(paths) > 1},
+                truth=_truth_near(folder),
+            )
         )
-        for stamp, ends in sorted(files.items())
-    ]
+    return runs
 
 
-def _trajectories(folder: Path, stamp: str) -> dict[PoseKind, Path]:
-    """Those in the folder itself win over those in a folder beside it."""
-    beside = sorted(path for path in folder.parent.iterdir() if path.is_dir() and path != folder)
-    found: dict[PoseKind, Path] = {}
-    for place in (folder, folder.parent, *beside):
-        for path in sorted(place.glob(f"*rx_trajectory*{stamp}*.csv")):
-            found.setdefault(guess_kind(path), path)
+def _trajectories(folder: Path, stamp: str, others: Set[str]) -> dict[PoseKind, list[Path]]:
+    """What fits, by kind: in the folder itself, else above it, else in a folder beside it. There the one that has the
+    exact name, else all that have the stamp in theirs and are not exactly another run's."""
+    beside = sorted(path for path in folder.parent.iterdir() if path != folder and _is_folder(path))
+    found: dict[PoseKind, list[Path]] = {}
+    for places in ([folder], [folder.parent], beside):
+        fitting = [path for place in places for path in sorted(place.glob("*rx_trajectory*")) if _fits(path, stamp)]
+        for kind in {guess_kind(path) for path in fitting} - found.keys():
+            of_kind = [path for path in fitting if guess_kind(path) is kind]
+            exact = [path for path in of_kind if _is_exact(path, stamp)]
+            loose = [path for path in of_kind if not any(_is_exact(path, other) for other in others)]
+            if exact or loose:
+                found[kind] = exact or loose
     return found
+
+
+def _fits(path: Path, stamp: str) -> bool:
+    """Whether the stamp stands in the name whole: not as the beginning of a longer one."""
+    pattern = rf".*rx_trajectory.*{re.escape(stamp)}(?![0-9A-Za-z]).*"
+    return path.suffix.lower() in _TRAJECTORY_SUFFIXES and re.fullmatch(pattern, path.name, re.DOTALL) is not None
+
+
+def _is_exact(path: Path, stamp: str) -> bool:
+    return re.fullmatch(rf"(t265_|odom_|mocap_)?rx_trajectory_?{re.escape(stamp)}_?", path.stem) is not None
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return os.access(path, os.R_OK | os.X_OK) and path.is_dir()
+    except OSError:
+        return False
 
 
 def _truth_near(folder: Path) -> Path | None:

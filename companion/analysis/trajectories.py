@@ -53,8 +53,9 @@ class Trajectory:
         return self.kind is PoseKind.MOCAP
 
 
-def read_trajectory(path: Path, kind: PoseKind, offset_s: float = 0.0) -> Trajectory:
-    """Any format of docs/recordings.md; `offset_s` is added to its stamps. Raises TrajectoryError.
+def read_trajectory(path: Path, kind: PoseKind, offset_s: float = 0.0, may_stand: bool = False) -> Trajectory:
+    """Any format of docs/recordings.md; `offset_s` is added to its stamps. Raises TrajectoryError, also where the robot
+    never moves, unless it `may_stand`.
 
     Motion capture is the frame of the truth. T265 files are z-up and start with yaw 0, as the robot does, so they are
     used as they are. Odometry starts with any yaw, which its first quaternion tells: it is turned back by that.
@@ -68,7 +69,7 @@ def read_trajectory(path: Path, kind: PoseKind, offset_s: float = 0.0) -> Trajec
         start_yaw_rad = float(yaw_of(q_wxyz[0]))
         p_m = p_m @ rotation_z(-start_yaw_rad).T
         q_wxyz = quaternion_multiply(quaternion_from_yaw(-start_yaw_rad), q_wxyz)
-    if not np.any(np.linalg.norm(p_m - p_m[0], axis=1) > 1e-6):
+    if not may_stand and not np.any(np.linalg.norm(p_m - p_m[0], axis=1) > 1e-6):
         raise TrajectoryError(f"{path}: the position never changes; there is no aperture without motion")
     jumps = _jumps(t_s, p_m)
     if jumps:

@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -17,7 +18,9 @@ from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
 from companion.analysis.tables import as_json, note_lines, problem_lines, run_table, summarise, summary_table
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, writing
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
+from companion.commands.output_files import check_writable, write_whole, writing
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -36,10 +39,11 @@ Chosen = tuple[Run, dict[str, str]]
 @click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
 @click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
 @click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
-@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
+@click.option("--traj", type=_file, help="Trajectory of the receiving robot (loose files).")
 @click.option(
     "--channel",
-    type=click.IntRange(36, 177),
+    type=int,
+    callback=known_channel,
     help="5 GHz WiFi channel; else as the truth file says.",
 )
 @click.option(
@@ -63,6 +67,7 @@ Chosen = tuple[Run, dict[str, str]]
     metavar="F L U",
     help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
 )
+@moving_ends
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 @click.option("--out", type=_file, default=Path("analysis"), show_default=True, help="Folder for the pictures.")
 @click.option("--no-pictures", is_flag=True, help="Numbers only.")
@@ -77,6 +82,10 @@ def analyze(
     poses: str | None,
     estimator: str,
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     json_path: Path | None,
     out: Path,
     no_pictures: bool,
@@ -90,21 +99,23 @@ def analyze(
     kind = PoseKind(poses) if poses else None
     if lever is not None and not all(map(math.isfinite, lever)):
         raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
-    chosen = [(run, macs_by_name(macs, run)) for run in chosen_runs(runs, stamps, rx, tx, traj, kind)]
+    found = chosen_runs(runs, stamps, rx, tx, traj, kind)
+    options = Options(kind, channel, lever_m=lever, estimator=estimator)
+    found, options = with_moving_ends(found, options, time_offset, tx_traj, tx_time_offset, tx_lever)
+    chosen = [(run, macs_by_name(macs, run)) for run in found]
     check_writable(json_path, None if no_pictures else out)
     console = Console()
     if not console.is_terminal:
         console = Console(width=_PIPE_COLUMNS)
     results: list[RunResult] = []
     for run, names in _tracked(chosen):
-        result = analyze_run(run, Options(kind, channel, names, lever, estimator))
+        result = analyze_run(run, replace(options, macs=names))
         if not no_pictures:
             draw(result, out)
         results.append(result)
     _report(results, console)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_text(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n")
+        write_whole(json_path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
     _check(results)
 
 

@@ -1,25 +1,17 @@
-"""The `--channel` option: `wsr.channel` knows which channels there are."""
+"""The check of `--channel`: `wsr.channel` knows which channels there are."""
 
 from __future__ import annotations
-
-from typing import Any, Final
 
 import click
 
 from wsr.channel import channel_frequency_hz
 
 
-class _Channel(click.ParamType):
-    name = "channel"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+def known_channel(ctx: click.Context, param: click.Parameter, value: int | None) -> int | None:
+    """A callback of the option. Raises BadParameter for what is no channel of the 5 GHz band."""
+    if value is not None:
         try:
-            channel = int(value)
-            channel_frequency_hz(channel)
+            channel_frequency_hz(value)
         except ValueError as error:
-            said = str(error) if str(error).startswith("channel") else f"{value!r} is no channel number, such as 108"
-            self.fail(said, param, ctx)
-        return channel
-
-
-CHANNEL: Final = _Channel()
+            raise click.BadParameter(str(error), ctx, param) from None
+    return value

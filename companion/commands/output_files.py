@@ -8,21 +8,29 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from companion.errors import CompanionError
+from companion.host.whole_file import whole_file
 
 
 def check_writable(file: Path | None, folder: Path | None = None) -> None:
     """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is; a
     folder that is not there is made."""
     if file is not None:
-        is_new = not file.exists()
-        with writing(file), file.open("a"):
-            pass
-        if is_new:
-            file.unlink()
+        with writing(file):
+            is_new = not file.exists()
+            with file.open("a"):
+                pass
+            if is_new:
+                file.unlink()
     if folder is not None:
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """The file is there whole or as it was. Raises CompanionError."""
+    with writing(path), whole_file(path) as file:
+        file.write(content)
 
 
 @contextmanager
