@@ -22,7 +22,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
-from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, read_truth
+from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, printable, read_truth
 from companion.analysis.trajectories import PoseKind, Trajectory, guess_kind, read_trajectory
 from companion.core.messages import Vector3
 from companion.core.streams import CSI, POSE, Part, Stream
@@ -91,7 +91,7 @@ def import_run(run: Run, target: Path, options: Options) -> Scene:
     values = {"scene": msgspec.json.encode(scene).decode()}
     try:
         with whole_file(target) as file:
-            writer = LogWriter(file, {"role": RECORDING, "name": run.stamp})
+            writer = LogWriter(file, {"role": RECORDING, "name": scene.stamp})
             writer.add_metadata(RECORDING, values)
             there = [source for source in sources if source is not None]
             for t_ns, number, stream, message in heapq.merge(*there, key=lambda timed: timed[0]):
@@ -198,16 +198,16 @@ def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
             problems.append(str(error))
     places = {} if truth is None else {name: _vector(p) for name, p in truth.transmitters.items()}
     return Scene(
-        run.stamp,
+        printable(run.stamp),
         run.set_name,
-        run.folder.resolve().name,
+        printable(run.folder.resolve().name),
         run.loose,
         options.channel,
         options.macs,
         options.lever_m,
         places,
         None if truth is None else truth.channel,
-        tuple(problems),
+        tuple(map(printable, problems)),
         options.time_offset_s,
         options.tx_time_offsets_s,
         options.tx_levers_m,

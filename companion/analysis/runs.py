@@ -75,12 +75,17 @@ class Run:
 
     @property
     def title(self) -> str:
-        return f"{self.set_name}/{self.folder.resolve().name} {self.stamp}"
+        return printable(f"{self.set_name}/{self.folder.resolve().name} {self.stamp}")
 
     @property
     def set_name(self) -> str:
         """The folder above that of the run: LOS_Set_A, for example."""
-        return self.folder.resolve().parent.name
+        return printable(self.folder.resolve().parent.name)
+
+
+def printable(text: str) -> str:
+    """Names of files are bytes: those that are no UTF-8 are written \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def find_runs(root: Path) -> list[Run]:
@@ -175,7 +180,10 @@ def _runs_of(folder: Path) -> list[Run]:
 def _trajectories(folder: Path, stamp: str, others: Set[str]) -> dict[PoseKind, list[Path]]:
     """What fits, by kind: in the folder itself, else above it, else in a folder beside it. There the one that has the
     exact name, else all that have the stamp in theirs and are not exactly another run's."""
-    beside = sorted(path for path in folder.parent.iterdir() if path != folder and _is_folder(path))
+    try:
+        beside = sorted(path for path in folder.parent.iterdir() if path != folder and _is_folder(path))
+    except OSError:
+        beside = []  # a folder that may not be listed holds nothing for us
     found: dict[PoseKind, list[Path]] = {}
     for places in ([folder], [folder.parent], beside):
         fitting = [path for place in places for path in sorted(place.glob("*rx_trajectory*")) if _fits(path, stamp)]
@@ -207,8 +215,11 @@ def _is_folder(path: Path) -> bool:
 
 def _truth_near(folder: Path) -> Path | None:
     for place in (folder, folder.resolve().parent):
-        if (place / TRUTH_NAME).is_file():
-            return place / TRUTH_NAME
+        try:
+            if (place / TRUTH_NAME).is_file():
+                return place / TRUTH_NAME
+        except OSError:
+            continue  # what may not be looked at is not there for us
     return None
 
 

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
@@ -19,7 +18,7 @@ from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
 from companion.analysis.tables import figures_table, lever_line
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, write_whole, writing
+from companion.commands.output_files import check_writable, json_bytes, write_whole, writing
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -93,7 +92,7 @@ def evaluate(
     result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
     _print(result, console)
     if json_path is not None:
-        write_whole(json_path, msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_whole(json_path, json_bytes(result))
     if out is not None:
         with writing(out):
             _draw(result, out, console)
