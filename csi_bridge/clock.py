@@ -243,7 +243,9 @@ def host_step(
         return None
     host_steps_s = np.diff(host_time_s)
     nic_steps_s = np.diff(timestamp_low_us.astype(np.uint32)).view(np.int32).astype(np.float64) * 1e-6
-    reset = (np.abs(host_steps_s - nic_steps_s) > _RESET_NS * 1e-9) & (np.abs(nic_steps_s) > np.abs(host_steps_s))
+    # Packets that come close behind each other by the NIC's clock did; what else differs is a reset or another session.
+    close = (nic_steps_s > -_RESET_NS * 1e-9) & (nic_steps_s < _STEP_WINDOW_S)
+    reset = (np.abs(host_steps_s - nic_steps_s) > _RESET_NS * 1e-9) & ~close
     nic_s = np.concatenate([[0.0], np.cumsum(np.where(reset, host_steps_s, nic_steps_s))])
     offset_s = host_time_s - host_time_s[0] - nic_s
     blocks = np.array_split(np.arange(len(offset_s)), len(offset_s) // _STEP_BLOCK)

@@ -31,6 +31,7 @@ _MAX_CSI_BODY: Final = LAYOUTS[-1] + payload_bytes(MAX_ANTENNAS, MAX_ANTENNAS)
 _MAPPED_BYTES: Final = 32 << 20
 """Files beyond are mapped and their pages given back as they are gone through, instead of read whole."""
 _SELECTED_AT_ONCE: Final = 65536
+_NEIGHBOURS: Final = 300
 _CSI_BYTE: Final = bytes([CSI_CODE])
 Content = bytes | mmap.mmap
 
@@ -82,7 +83,8 @@ class CsiLog:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which records to keep, so that memory goes by what is used. A record without a host time or counter is kept."""
+    """Which records to keep, so that memory goes by what is used; a few neighbours are kept with those of a time. A
+    record without a host time or counter is kept."""
 
     time_s: tuple[float, float] | None = None
     """First and last host time."""
@@ -186,40 +188,54 @@ def _release_of(data: Content) -> Callable[[], None]:
 
 def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release: Callable[[], None]) -> None:
     """Leaves in `frames` only the records that are wanted, in stretches of neighbours."""
-    groups, frames.records = frames.groups, 0
-    frames.groups = defaultdict(list)
-    runs = sorted(((first, shape, at) for shape, found in groups.items() for first, at in found), key=lambda r: r[0])
-    for _, shape, offsets in runs:
+    runs = sorted((first, shape, at) for shape, found in frames.groups.items() for first, at in found)
+    host_s = np.full(frames.records, np.nan)
+    kept = np.ones(frames.records, np.bool_)
+    for first, shape, offsets in runs:
         for start in range(0, len(offsets), _SELECTED_AT_ONCE):
             part = offsets[start : start + _SELECTED_AT_ONCE]
-            kept = np.flatnonzero(_is_wanted(data, part, shape, wanted, frames))
-            frames.left_out += len(part) - len(kept)
+            here = slice(first + start, first + start + len(part))
+            host_s[here], kept[here] = _looked_at(data, part, shape, wanted)
             release()
-            for stretch in np.split(kept, np.flatnonzero(np.diff(kept) > 1) + 1):
-                if len(stretch):
-                    frames.groups[shape].append((frames.records, part[stretch]))
-                    frames.records += len(stretch)
+    if wanted.time_s is not None:
+        kept = _with_neighbours(kept)
+    left_s = host_s[~kept & np.isfinite(host_s)]
+    frames.left_out = int(np.count_nonzero(~kept))
+    frames.left_out_s = (float(left_s.min()), float(left_s.max())) if len(left_s) else None
+    frames.groups, frames.records = defaultdict(list), 0
+    for first, shape, offsets in runs:
+        chosen = np.flatnonzero(kept[first : first + len(offsets)])
+        for stretch in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
+            if len(stretch):
+                frames.groups[shape].append((frames.records, offsets[stretch]))
+                frames.records += len(stretch)
 
 
-def _is_wanted(
-    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted, frames: _Frames
-) -> npt.NDArray[np.bool_]:
-    """(N,) of records whose bodies are at `offsets`, evenly spaced; notes in `frames` when the others were."""
+def _looked_at(
+    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Host times (N,), nan in layout 20, of records whose bodies are at `offsets`, evenly spaced; which are wanted."""
     layout = shape[0]
     step = int(offsets[1] - offsets[0]) if len(offsets) > 1 else layout
     rows = np.lib.stride_tricks.as_strided(data[offsets[0] :], (len(offsets), layout), (step, 1))
-    kept = np.ones(len(offsets), np.bool_)
-    if wanted.time_s is not None and layout >= 34:
+    host_s, kept = np.full(len(offsets), np.nan), np.ones(len(offsets), np.bool_)
+    if layout >= 34:
         host_s = _column(rows, 20, "<u4") + _column(rows, 24, "<u4") * 1e-6
-        kept &= (host_s >= wanted.time_s[0]) & (host_s <= wanted.time_s[1])
-        if not np.all(kept):
-            first, last = float(host_s[~kept].min()), float(host_s[~kept].max())
-            known = frames.left_out_s or (first, last)
-            frames.left_out_s = min(first, known[0]), max(last, known[1])
+        if wanted.time_s is not None:
+            kept &= (host_s >= wanted.time_s[0]) & (host_s <= wanted.time_s[1])
     if wanted.counters is not None and layout == 38:
         counters = _column(rows, 34, "<u4")
         kept &= (counters >= wanted.counters[0]) & (counters <= wanted.counters[1])
-    return kept
+    return host_s, kept
+
+
+def _with_neighbours(kept: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """And some on either side: what is far off by its time may have come right after, by a clock that was set."""
+    edges = np.flatnonzero(np.diff(kept)) + 1
+    around = np.zeros(len(kept) + 1, np.int32)
+    np.add.at(around, np.maximum(edges - _NEIGHBOURS, 0), 1)
+    np.add.at(around, np.minimum(edges + _NEIGHBOURS, len(kept)), -1)
+    return np.asarray(kept | (np.cumsum(around)[:-1] > 0))
 
 
 def _frames(data: Content) -> _Frames:

@@ -23,6 +23,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, printable, read_truth
+from companion.analysis.scene import missing_files
 from companion.analysis.trajectories import PoseKind, Trajectory, guess_kind, read_trajectory
 from companion.core.messages import Vector3
 from companion.core.streams import CSI, POSE, Part, Stream
@@ -73,12 +74,12 @@ def import_run(run: Run, target: Path, options: Options) -> Scene:
     of the receiving robot, a file that was given by name cannot be read, or `target` cannot be written."""
     if run.rx is None:
         raise RecordingError(f"{run.folder}: csi_rx_{run.stamp}.dat is missing")
+    for kind in run.ambiguous:
+        raise RecordingError(next(missing_files(run, kind, None)))
     problems: list[str] = []
     sources: list[Iterator[_Timed] | None] = [_csi_messages(run.rx, CSI, problems)]
     sources += [_csi_messages(path, _peer_stream(name), problems) for name, path in run.tx.items()]
     offset_s = options.time_offset_s
-    for paths in run.ambiguous.values():
-        problems.append(f"{paths[0].parent}: {' and '.join(path.name for path in paths)} both fit; none is taken")
     sources += [
         _pose_messages(path, kind, _pose_stream(kind), offset_s, problems) for kind, path in run.trajectories.items()
     ]

@@ -23,6 +23,8 @@ from wsr.displacement import antenna_positions, interpolate
 
 MAX_POSE_GAP_S: Final = 0.25
 _MARGIN_S: Final = 60.0
+_AROUND: Final = 300
+_EDGE_S: Final = 0.2
 _MARGIN_COUNTS: Final = 20_000
 _MAX_DISAGREEMENT_M: Final = 0.1
 
@@ -122,6 +124,8 @@ def _read_both(
     problems += trajectory.problems
     _check_overlap(trajectory, rx)
     check_clock(rx, trajectory)
+    if rx.left_out_count:
+        problems.append(f"{rx_path}: {rx.left_out_count} records more than a minute from the trajectory are not used")
     return rx, trajectory
 
 
@@ -143,18 +147,21 @@ def _tx_path(name: str, path: Path, options: Options, problems: list[str]) -> Tx
 def check_clock(log: CsiLog, trajectory: Trajectory) -> None:
     """Raises RecordingError where the host's clock was set while the trajectory lasts: the stamps of its poses may have
     moved with it or not, and the poses of the time that was there twice are not known."""
-    inside = np.flatnonzero((log.host_time_s >= trajectory.t_s[0]) & (log.host_time_s <= trajectory.t_s[-1]))
+    host_s, begin_s, end_s = log.host_time_s, float(trajectory.t_s[0]), float(trajectory.t_s[-1])
+    inside = np.flatnonzero((host_s >= begin_s) & (host_s <= end_s))
     if not len(inside):
         return
+    # Where packets cease or begin to be inside in the middle of the trajectory, the step is among their neighbours.
     first, last = int(inside[0]), int(inside[-1]) + 1
-    step = host_step(log.timestamp_low_us[first:last], log.host_time_s[first:last])
+    start = max(0, first - _AROUND) if host_s[first] - begin_s > _EDGE_S else first
+    stop = last + _AROUND if end_s - host_s[last - 1] > _EDGE_S else last
+    step = host_step(log.timestamp_low_us[start:stop], host_s[start:stop])
     if step is None:
         return
     at, step_s = step
-    after_s = float(log.host_time_s[first : first + at].max() - log.host_time_s[first])
     raise RecordingError(
-        f"{log.path}: its host's clock was set {'back' if step_s < 0 else 'forward'} by {abs(step_s):.3f} s, "
-        f"{after_s:.1f} s after its first packet in {trajectory.path.name}: which pose belongs to which packet is not "
+        f"{log.path}: its host's clock was set {'back' if step_s < 0 else 'forward'} by {abs(step_s):.3f} s about "
+        f"record {start + at} of those near {trajectory.path.name}: which pose belongs to which packet is not "
         "known; cut the trajectory before or after that"
     )
 

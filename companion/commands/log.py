@@ -146,6 +146,8 @@ def import_(
             except CompanionError as error:
                 failed.append(str(error))
                 continue
+            for path in (*one.trajectories.values(), *one.tx_trajectories.values()):
+                click.echo(f"  - trajectory {path}")
             for problem in scene.problems:
                 click.echo(f"  ! {problem}", err=True)
             progress(number + 1, len(runs))

@@ -220,7 +220,7 @@ def _stamp(where: str, columns: Columns, fields: Sequence[str]) -> float:
         raise TrajectoryError(f"{where}: nsec is {nsec:g}, not a whole number of 0..999999999{told}")
     # The data sets' motion capture has fractional seconds, and 0 beside them.
     if nsec and not first.is_integer():
-        raise TrajectoryError(f"{where}: sec is {first:.10g}, not whole, though nsec is {nsec:g}{told}")
+        raise TrajectoryError(f"{where}: sec is {first!r}, not whole, though nsec is {nsec:g}{told}")
     return first + nsec * 1e-9
 
 
