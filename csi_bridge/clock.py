@@ -239,22 +239,31 @@ def host_step(
     host that stalls raises it for as long as the stall; a clock that was set moves it for good. A slewed clock moves it
     by less. The NIC's own resets are taken out.
     """
-    if len(host_time_s) < 2 * _STEP_BLOCK or not np.all(np.isfinite(host_time_s)):
+    if not np.all(np.isfinite(host_time_s)):
         return None
     host_steps_s = np.diff(host_time_s)
     nic_steps_s = np.diff(timestamp_low_us.astype(np.uint32)).view(np.int32).astype(np.float64) * 1e-6
     # Packets that come close behind each other by the NIC's clock did; what else differs is a reset or another session.
     close = (nic_steps_s > -_RESET_NS * 1e-9) & (nic_steps_s < _STEP_WINDOW_S)
-    reset = (np.abs(host_steps_s - nic_steps_s) > _RESET_NS * 1e-9) & ~close
-    nic_s = np.concatenate([[0.0], np.cumsum(np.where(reset, host_steps_s, nic_steps_s))])
-    offset_s = host_time_s - host_time_s[0] - nic_s
+    resets = np.flatnonzero((np.abs(host_steps_s - nic_steps_s) > _RESET_NS * 1e-9) & ~close) + 1
+    for stretch in np.split(np.arange(len(host_time_s)), resets):
+        nic_s = np.concatenate([[0.0], np.cumsum(nic_steps_s[stretch[:-1]])])
+        found = _step_within(nic_s, host_time_s[stretch] - host_time_s[stretch[:1]] - nic_s)
+        if found is not None:
+            return int(stretch[0]) + found[0], found[1]
+    return None
+
+
+def _step_within(nic_s: npt.NDArray[np.float64], offset_s: npt.NDArray[np.float64]) -> tuple[int, float] | None:
+    if len(offset_s) < 2 * _STEP_BLOCK:
+        return None
     blocks = np.array_split(np.arange(len(offset_s)), len(offset_s) // _STEP_BLOCK)
-    # The third least: a single wrong stamp of either clock is no level.
+    # The third least: a single wrong stamp is no level.
     levels_s = np.array([np.partition(offset_s[block], 2)[2] for block in blocks])
     begins_s = np.array([nic_s[block].min() for block in blocks])
     for at in range(1, len(blocks)):
-        before = (begins_s[:at] >= begins_s[at] - _STEP_WINDOW_S).nonzero()[0]
-        after = at + (begins_s[at:] < begins_s[at] + _STEP_WINDOW_S).nonzero()[0]
+        before = np.flatnonzero(begins_s[:at] >= begins_s[at] - _STEP_WINDOW_S)
+        after = at + np.flatnonzero(begins_s[at:] < begins_s[at] + _STEP_WINDOW_S)
         if min(begins_s[at] - begins_s[0], begins_s[-1] - begins_s[at]) < _STEP_SEEN_S or not len(before):
             continue
         step_s = float(levels_s[after].min() - levels_s[before].min())

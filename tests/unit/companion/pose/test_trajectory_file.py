@@ -109,7 +109,8 @@ def test_a_motive_export_of_one_body(tmp_path: Path, unit: str, scale: int) -> N
     head = (
         f"Format Version,1.23,Take Name,a,Rotation Type,Quaternion,Length Units,{unit},Coordinate Space,Global\n\n"
         f",,{'Rigid Body,' * 8}\n,,{'robot,' * 8}\n,,{'A,' * 8}\n"
-        ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z,\n"
+        ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error\n"
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,\n"
     )
 
     def line(row: Row) -> str:
