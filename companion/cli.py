@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import io
+import os
 import sys
 from typing import Final
 
@@ -55,8 +57,24 @@ def program() -> None:
 
 def main() -> None:
     """Entry point: exit 0 done, 1 the job failed, 2 usage or configuration."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # file names are bytes, not always text
     try:
-        program(standalone_mode=True)
+        try:
+            program(standalone_mode=True)
+        finally:
+            sys.stdout.flush()
     except CompanionError as error:
         click.echo(f"companion: {error}", err=True)
         sys.exit(error.exit_code)
+    except OSError as error:
+        click.echo(f"companion: {error.filename or 'standard output'}: {error.strerror or error}", err=True)
+        _drop_output()
+        sys.exit(CompanionError.exit_code)
+
+
+def _drop_output() -> None:
+    """What cannot be written now cannot be at the end either, where Python would try again and say so once more."""
+    if sys.stdout is sys.__stdout__:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -27,7 +27,14 @@ Complex = npt.NDArray[np.complex64]
 
 
 def is_40mhz(rate: int) -> bool:
+    """The one rule on such records, in flight and in recordings: they are counted and left out, because estimates are
+    made from the subcarriers of 20 MHz."""
     return bool(rate & HT40_FLAG)
+
+
+def are_40mhz(rates: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
+    """`is_40mhz` of each (N,)."""
+    return np.asarray(rates & HT40_FLAG != 0)
 
 
 def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:

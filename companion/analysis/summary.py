@@ -42,10 +42,12 @@ def problem_lines(result: RunResult) -> list[str]:
 
 
 def note_lines(result: RunResult) -> list[str]:
-    """What was assumed."""
+    """What was used and assumed."""
+    lines = [] if result.trajectory is None else [f"trajectory {result.trajectory}, read as {result.layout}"]
+    lines += [f"trajectory of {link.name}: {link.trajectory}" for link in result.links if link.trajectory is not None]
     if result.kind is not PoseKind.ODOM or result.lever_m == NO_LEVER:
-        return []
-    return [lever_line(result.lever_m)]
+        return lines
+    return [*lines, lever_line(result.lever_m)]
 
 
 def lever_line(lever_m: Vector3) -> str:
@@ -97,6 +99,8 @@ def _run_json(result: RunResult) -> Json:
         "set": result.run.set_name,
         "folder": str(result.run.folder),
         "poses": result.kind,
+        "trajectory": None if result.trajectory is None else str(result.trajectory),
+        "trajectory_layout": result.layout or None,
         "lever_m": list(result.lever_m),
         "problems": _run_problems(result),
         "links": [_link_json(link) for link in result.links],
@@ -111,6 +115,7 @@ def _link_json(link: LinkResult) -> Json:
     values: Json = {
         "tx": link.name,
         "mac": link.mac,
+        "trajectory": None if link.trajectory is None else str(link.trajectory),
         "problem": link.problem,
         "notes": list(link.notes),
         "packets": link.packets,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -16,7 +17,9 @@ from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import Run
 from companion.analysis.summary import as_json, note_lines, problem_lines, summarise
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, writing
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
+from companion.commands.output_files import check_writable, write_whole
 from companion.commands.recordings import chosen_runs, draw_profiles, lever_option, macs_by_name, run_options
 from companion.commands.tables import run_table, summary_table
 from companion.commands.terminal import wide_console
@@ -38,7 +41,8 @@ Chosen = tuple[Run, dict[str, str]]
 @run_options
 @click.option(
     "--channel",
-    type=click.IntRange(36, 177),
+    type=int,
+    callback=known_channel,
     help="5 GHz WiFi channel; else as the truth file says.",
 )
 @click.option(
@@ -57,6 +61,7 @@ Chosen = tuple[Run, dict[str, str]]
     "--estimator", type=click.Choice(list(ESTIMATORS)), default="robust", show_default=True, help="How it is estimated."
 )
 @lever_option
+@moving_ends
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 @click.option("--out", type=_file, default=Path("analysis"), show_default=True, help="Folder for the pictures.")
 @click.option("--no-pictures", is_flag=True, help="Numbers only.")
@@ -71,6 +76,10 @@ def analyze(
     poses: str | None,
     estimator: str,
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     json_path: Path | None,
     out: Path,
     no_pictures: bool,
@@ -82,19 +91,21 @@ def analyze(
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None
-    chosen = [(run, macs_by_name(macs, run)) for run in chosen_runs(runs, stamps, rx, tx, traj, kind)]
+    found = chosen_runs(runs, stamps, rx, tx, traj, kind)
+    options = Options(kind, channel, lever_m=lever, estimator=estimator)
+    found, options = with_moving_ends(found, options, time_offset, tx_traj, tx_time_offset, tx_lever)
+    chosen = [(run, macs_by_name(macs, run)) for run in found]
     check_writable(json_path, None if no_pictures else out)
     console = wide_console(_PIPE_COLUMNS)
     results: list[RunResult] = []
     for run, names in _tracked(chosen):
-        result = analyze_run(run, Options(kind, channel, names, lever, estimator))
+        result = analyze_run(run, replace(options, macs=names))
         if not no_pictures:
             draw_profiles(result, out)
         results.append(result)
     _report(results, console)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_text(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n")
+        write_whole(json_path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
     _check(results)
 
 

@@ -9,16 +9,15 @@ from functools import partial
 from pathlib import Path
 
 import click
-import msgspec
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
+from companion.analysis.evaluation import MIN_RANKED, Evaluation, RunRows, Trust, evaluate_run, evaluation
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
 from companion.analysis.summary import lever_line
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, writing
+from companion.commands.output_files import check_writable, json_bytes, write_whole, writing
 from companion.commands.recordings import lever_option
 from companion.commands.tables import figures_table
 from companion.commands.terminal import wide_console
@@ -86,8 +85,7 @@ def evaluate(
     result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
     _print(result, console)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_whole(json_path, json_bytes(result))
     if out is not None:
         with writing(out):
             _draw(result, out, console)
@@ -132,10 +130,15 @@ def _said(result: Evaluation) -> Iterator[str]:
 
 def _trust_line(trust: Trust) -> str:
     within = "" if trust.reliable_within_3_std is None else f", {trust.reliable_within_3_std:.0%} within 3 deviations"
+    text = f"reliability above 0.8: {trust.reliable} of {trust.links} links{within}"
+    if trust.links < MIN_RANKED:
+        return f"{text}; how it ranks them is left out: {trust.links} links, at least {MIN_RANKED} are needed"
+    half, (gain_low, gain_high), (low, high) = trust.best_half, trust.best_half_gain_deg, trust.area_difference_deg
     return (
-        f"reliability above 0.8: {trust.reliable} links{within}; more reliable half: median "
-        f"{trust.best_half.median_deg:.2f}°, mean {trust.best_half.mean_deg:.2f}°; area under risk and coverage: "
-        f"{trust.area_reliability_deg:.2f}° by reliability, {trust.area_profile_variance_deg:.2f}° by profile variance"
+        f"{text}; more reliable half ({half.n} links): median {half.median_deg:.2f}°, mean {half.mean_deg:.2f}°, "
+        f"{gain_low:+.2f} to {gain_high:+.2f}° below that of all {trust.links} (95 %); area under risk and coverage: "
+        f"{trust.area_reliability_deg:.2f}° by reliability, {trust.area_profile_variance_deg:.2f}° by "
+        f"profile variance (difference {low:+.2f} to {high:+.2f}°)"
     )
 
 

@@ -12,6 +12,7 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
+from companion.commands.output_files import write_whole
 from companion.errors import CompanionError
 from csi_bridge.dat import DatFileError
 from csi_bridge.netlink import (
@@ -85,10 +86,7 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     }
     click.echo(f"{file.name}: {sent} records in {result['seconds']:.2f} s, {sent - taken} refused by the receiver")
     if json_path is not None:
-        try:
-            json_path.write_text(json.dumps(result, indent=2) + "\n")
-        except OSError as error:
-            raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
+        write_whole(json_path, (json.dumps(result, indent=2) + "\n").encode())
     if not taken:
         raise CompanionError(
             f"{file}: none of its {sent} records was taken: the receiver is gone, or its buffer is full"

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.table import Table
 
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
+from companion.commands.output_files import writing
 from companion.commands.progress import tracked_bytes
 from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
 from companion.commands.terminal import wide_console
@@ -99,9 +102,10 @@ def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) ->
 @log.command("import")
 @click.argument("run", required=False, metavar="[RUN]", type=_file)
 @run_options
-@click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
+@click.option("--channel", type=int, callback=known_channel, help="WiFi channel; else as the ground truth file says.")
 @click.option("--mac", "macs", multiple=True, metavar="NAME=MAC", help="Card of a transmitter that is not known.")
 @lever_option
+@moving_ends
 @click.option("--out", type=_file, default=Path("imported"), show_default=True, help="Folder for <set>_<TS>.mcap.")
 def import_(
     run: Path | None,
@@ -112,6 +116,10 @@ def import_(
     channel: int | None,
     macs: tuple[str, ...],
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     out: Path,
 ) -> None:
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
@@ -119,17 +127,22 @@ def import_(
     from companion.analysis.result import Options
 
     runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
+    options = Options(None, channel, lever_m=lever)
+    runs, options = with_moving_ends(runs, options, time_offset, tx_traj, tx_time_offset, tx_lever)
     failed = []
     begun = time.monotonic()
     with tracked_bytes("importing") as progress:
-        out.mkdir(parents=True, exist_ok=True)
+        with writing(out):
+            out.mkdir(parents=True, exist_ok=True)
         for number, one in enumerate(runs):
             target = out / f"{one.set_name}_{one.folder.resolve().name}_{one.stamp}.mcap"
             try:
-                scene = import_run(one, target, Options(None, channel, macs_by_name(macs, one), lever))
+                scene = import_run(one, target, replace(options, macs=macs_by_name(macs, one)))
             except CompanionError as error:
                 failed.append(str(error))
                 continue
+            for path in (*one.trajectories.values(), *one.tx_trajectories.values()):
+                click.echo(f"  - trajectory {path}")
             for problem in scene.problems:
                 click.echo(f"  ! {problem}", err=True)
             progress(number + 1, len(runs))

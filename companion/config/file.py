@@ -14,7 +14,7 @@ import msgspec
 import yaml
 
 from companion.config.rules import config_errors
-from companion.config.schema import Config
+from companion.config.schema import CHECK, Config
 from companion.errors import ConfigError
 
 
@@ -88,10 +88,17 @@ def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
         errors.append(f"{path}: expected a finite number (got {value!r})")
         return None
     try:
-        return msgspec.convert(value, hint)
+        converted = msgspec.convert(value, hint)
+        for extra in (one.extra for one in arguments if isinstance(one, msgspec.Meta)):
+            if extra is not None:
+                extra[CHECK](converted)
     except msgspec.ValidationError as error:
         errors.append(f"{path}: {str(error).replace('`', '')} (got {value!r})")
         return None
+    except ValueError as error:
+        errors.append(f"{path}: {error}")
+        return None
+    return converted
 
 
 def _is_finite(value: Any) -> bool:

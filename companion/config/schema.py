@@ -11,6 +11,11 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from wsr.channel import channel_frequency_hz
+
+CHECK = "check"
+"""Key of `Meta.extra`: a function that raises ValueError for a value the type permits and the field does not."""
+WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -24,8 +29,8 @@ Metres3 = tuple[float, float, float]
 class CsiConfig:
     """The radio card. `netlink` reads the patched driver; `unix` reads the same bytes from a datagram socket."""
 
-    channel: Annotated[int, Meta(ge=36, le=177)]
-    """WiFi channel in the 5 GHz band; sets the wavelength."""
+    channel: WifiChannel
+    """WiFi channel in the 5 GHz band (`wsr.channel.CHANNELS_5GHZ`); sets the wavelength."""
     source: Literal["netlink", "unix"] = "netlink"
     connector_idx: Annotated[int, Meta(ge=1, le=32)] = 26
     """Netlink connector index of the driver: 26 on Linux 4.15, 25 on older kernels."""

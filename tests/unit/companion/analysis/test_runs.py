@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from companion.analysis.runs import RecordingError, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, TrajectoryError, read_trajectory
+from companion.analysis.trajectories import PoseKind, read_trajectory
+from companion.pose.trajectory_columns import TrajectoryError
 from tests.csi_records import needs_data
 from tests.paths import DATA
 
@@ -152,7 +153,8 @@ def test_jumps_are_counted_and_lost_poses_left_out(tmp_path: Path) -> None:
     trajectory = read_trajectory(rows(tmp_path / "t.csv", lines), PoseKind.MOCAP)
     assert len(trajectory.t_s) == 5
     assert [problem.split(": ")[1] for problem in trajectory.problems] == [
-        "1 jumps of more than 0.1 m; the tracker lost itself"
+        "1 poses left out that are no numbers (nan or inf)",
+        "1 jumps of more than 0.1 m; the tracker lost itself",
     ]
 
 
