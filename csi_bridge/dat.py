@@ -199,9 +199,12 @@ def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release:
             release()
     if wanted.time_s is not None:
         kept = _with_neighbours(kept)
-    left_s = host_s[~kept & np.isfinite(host_s)]
-    frames.left_out = int(np.count_nonzero(~kept))
-    frames.left_out_s = (float(left_s.min()), float(left_s.max())) if len(left_s) else None
+    left = ~kept
+    frames.left_out = int(np.count_nonzero(left))
+    left &= np.isfinite(host_s)
+    if np.any(left):
+        first_s, last_s = np.min(host_s, where=left, initial=np.inf), np.max(host_s, where=left, initial=-np.inf)
+        frames.left_out_s = float(first_s), float(last_s)
     frames.groups, frames.records = defaultdict(list), 0
     for first, shape, offsets in runs:
         chosen = np.flatnonzero(kept[first : first + len(offsets)])
@@ -231,11 +234,10 @@ def _looked_at(
 
 def _with_neighbours(kept: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """And some on either side: what is far off by its time may have come right after, by a clock that was set."""
-    edges = np.flatnonzero(np.diff(kept)) + 1
-    around = np.zeros(len(kept) + 1, np.int32)
-    np.add.at(around, np.maximum(edges - _NEIGHBOURS, 0), 1)
-    np.add.at(around, np.minimum(edges + _NEIGHBOURS, len(kept)), -1)
-    return np.asarray(kept | (np.cumsum(around)[:-1] > 0))
+    widened = kept.copy()
+    for edge in np.unique((np.flatnonzero(np.diff(kept)) + 1) // _NEIGHBOURS) * _NEIGHBOURS:
+        widened[max(0, edge - _NEIGHBOURS) : edge + 2 * _NEIGHBOURS] = True
+    return widened
 
 
 def _frames(data: Content) -> _Frames:

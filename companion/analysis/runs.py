@@ -101,6 +101,10 @@ def find_runs(root: Path) -> list[Run]:
     except OSError as error:
         raise RecordingError(f"{error.filename or root}: {error.strerror}") from None
     if not runs:
+        unlisted: list[OSError] = []
+        list(os.walk(root, onerror=unlisted.append))
+        if unlisted:
+            raise RecordingError(f"{unlisted[0].filename}: {unlisted[0].strerror}")
         raise RecordingError(f"{root}: no recorded run here or below (expected files such as csi_rx_<time>.dat)")
     return runs
 

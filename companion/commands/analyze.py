@@ -30,7 +30,7 @@ from wsr.estimators import ESTIMATORS
 _PIPE_COLUMNS = 150
 _PATIENCE_S = 1.0
 
-_file = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, readable=False)  # what cannot be read is said by who reads it
 
 Chosen = tuple[Run, dict[str, str]]
 """A run, and the MACs given for it by transmitter name."""

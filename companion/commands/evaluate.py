@@ -26,7 +26,7 @@ from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 120
-_path = click.Path(path_type=Path)
+_path = click.Path(path_type=Path, readable=False)  # what cannot be read is said by who reads it
 
 
 @click.command()

@@ -21,7 +21,7 @@ from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
 
-_file = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, readable=False)
 _WIDTH = 120
 
 
