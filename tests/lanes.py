@@ -12,12 +12,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from companion.host.child import die_with_parent
+from companion.sensing.worker_process import ONE_THREAD
 
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _OUT: Final = _ROOT / "build" / "test"
@@ -33,6 +35,8 @@ class Lane:
 
     name: str
     command: tuple[str, ...]
+    environment: Mapping[str, str] = field(default_factory=dict)
+    """What is set beside what there is."""
 
     @property
     def output(self) -> Path:
@@ -59,7 +63,8 @@ def lanes() -> list[Lane]:
     return [
         *(_real_time(*lane) for lane in _FLIGHTS),
         _real_time("edges", *(module for module in others if module not in named)),
-        Lane("computing", (*_NICE, *_PYTEST, "-n", "2", *computing)),
+        # A thread for each worker: where there are more of BLAS than cores, they spin for each other.
+        Lane("computing", (*_NICE, *_PYTEST, "-n", "2", *computing), ONE_THREAD),
         Lane("checks", (*_NICE, "make", "--silent", "check")),
     ]
 
@@ -94,8 +99,8 @@ def run(chosen: list[Lane]) -> int:
 def _start(lane: Lane) -> subprocess.Popen[bytes]:
     with lane.output.open("wb") as output:
         return subprocess.Popen(
-            lane.command, cwd=_ROOT, stdin=subprocess.DEVNULL, stdout=output, stderr=output,
-            process_group=0, preexec_fn=die_with_parent,
+            lane.command, cwd=_ROOT, env=os.environ | lane.environment, stdin=subprocess.DEVNULL, stdout=output,
+            stderr=output, process_group=0, preexec_fn=die_with_parent,
         )  # fmt: skip
 
 
