@@ -93,15 +93,17 @@ def _distance(axes: Axes, uav_m: npt.NDArray[np.float64], target_m: npt.NDArray[
 
 
 def _north(axes: Axes) -> None:
+    """Beside the map, where no path can be."""
     axes.annotate(
         "N",
-        xy=(0.965, 0.96),
-        xytext=(0.965, 0.8),
+        xy=(1.03, 1.0),
+        xytext=(1.03, 0.82),
         xycoords="axes fraction",
         fontsize=12,
         fontweight="bold",
         ha="center",
         va="center",
+        annotation_clip=False,
         arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 1.8},
     )
 
