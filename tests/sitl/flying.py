@@ -110,7 +110,9 @@ class Flying:
             await self.px4("offboard accept")
             if state not in ("idle", "latched"):
                 await self.let_go()
-            if not (await self.px4()).landed:
+            while (now := await self.px4()).armed and now.p_enu_m[2] <= 0:  # noqa: ASYNC110 - it is polled
+                await asyncio.sleep(0.1)  # PX4 takes seconds to see that it stands
+            if not now.landed:
                 await self.px4("pilot HOLD")  # a person hands over in hold, or the engagement is refused
             await self.engage()
         await self.in_state(*(states or IN_OFFBOARD))
