@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from companion.analysis.summary import as_json
 
 from companion.analysis.bearings import analyze_run
 from companion.analysis.imported import analyze_session, export, export_run, import_run
 from companion.analysis.result import Options
 from companion.analysis.runs import find_runs
+from companion.analysis.summary import as_json
 from companion.log.reader import open_session
 from tests.analyze_command import TX_PLACE, Cli, links, one_line
 from tests.csi_bytes import later
