@@ -97,8 +97,9 @@ def test_fault_26_a_slow_disk_costs_messages_that_are_counted_and_no_time(
     monkeypatch.setattr(os, "fsync", slow)
     small = dataclasses.replace(CONFIG, recorder=dataclasses.replace(CONFIG.recorder, queue_messages=100))
     recorder = McapRecorder(tmp_path / "log.mcap", small, EventClock(MonotonicClock()))
-    worst_s = 0.0
-    for _ in range(900):
+    worst_s, sent = 0.0, 0
+    while recorder.counters()["dropped"] <= 100 and sent < 20_000:
+        sent += 1
         begun = time.perf_counter()
         recorder.record(POSE_IN, 0, bytes(89))
         worst_s = max(worst_s, time.perf_counter() - begun)
@@ -107,7 +108,7 @@ def test_fault_26_a_slow_disk_costs_messages_that_are_counted_and_no_time(
     counters = recorder.counters()
     figures.record(26, slow_disk_dropped=counters["dropped"], slow_disk_worst_record_s=round(worst_s, 4))
     assert counters["dropped"] > 100
-    assert counters["dropped"] + counters["written"] == 900
+    assert counters["dropped"] + counters["written"] == sent
     assert sum(1 for _ in LogScan(tmp_path / "log.mcap")) == counters["written"]
     assert worst_s < 0.5  # it never waited for the disk, which took a whole second each time
 
