@@ -13,16 +13,31 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from companion.config.places import lever_errors, path_errors
+
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
-Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
+Mac = Annotated[
+    str,
+    Meta(
+        pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$",
+        description="six pairs of hexadecimal digits with colons between them, for example 00:21:6A:3F:17:5A",
+    ),
+]
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
 _MIN_VIO_HZ = 20.0
 _POSES_PER_DATAGRAM = 25
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
-Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
+_OCTET = r"(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
+Ipv4 = Annotated[
+    str,
+    Meta(
+        pattern=rf"^({_OCTET}\.){{3}}{_OCTET}$",
+        description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
+    ),
+]
 Metres3 = tuple[float, float, float]
 
 
@@ -265,7 +280,7 @@ class Config:
 
     def errors(self) -> list[str]:
         """What the types cannot say, each with its key."""
-        found = []
+        found = [*path_errors(self), *lever_errors(self)]
         if self.role == "uav" and self.autopilot is None:
             found.append("autopilot: missing; role uav needs autopilot.url, for example udpin://127.0.0.1:14540")
         if self.pose.source == "recording" and not self.pose.recording:
