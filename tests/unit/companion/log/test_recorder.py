@@ -103,7 +103,7 @@ def one_of_each(path: Path) -> None:
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "log.mcap"
+    path = tmp_path / "log.mcap"
     recorder = write(path, 500)
     assert (recorder.written, recorder.dropped, recorder.failures) == (1000, 0, 0)
     messages = read_log(path, {SETPOINT.topic, CSI.topic})

@@ -302,7 +302,7 @@ def test_what_cannot_be_replayed_says_why(cli: Run, tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(FLIGHT.read_bytes()[:100])
     code, _, err = cli("report", tmp_path / "cut.mcap")
     assert code == 1
-    assert "cut off or damaged in its first bytes" in err
+    assert "cut off or damaged: its metadata" in err
     code, _, err = cli("replay", FLIGHT, "--speed", "-2")
     assert code == 2
     assert "positive factor" in err
