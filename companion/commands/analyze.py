@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis.bearings import analyze_run
@@ -18,6 +17,7 @@ from companion.analysis.runs import KNOWN_TRANSMITTERS, RecordingError, Run, fin
 from companion.analysis.tables import as_json, note_lines, problem_lines, run_table, summarise, summary_table
 from companion.analysis.trajectories import PoseKind
 from companion.commands.output_files import check_writable, writing
+from companion.commands.terminal import Console, bar_columns
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -164,7 +164,7 @@ def _is_hex(byte: str) -> bool:
 
 def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
     """The runs, with a progress bar on a terminal as soon as it has taken longer than a second."""
-    progress = Progress(console=Console(stderr=True), transient=True)
+    progress = Progress(*bar_columns(), console=Console(stderr=True), transient=True)
     task = progress.add_task("analysing", total=len(runs))
     start = time.monotonic()
     try:

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 import msgspec
 import numpy as np
-from rich.console import Console
 
+from companion.commands.terminal import Console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import click
 import msgspec
-from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
@@ -20,6 +19,7 @@ from companion.analysis.runs import Run, find_runs
 from companion.analysis.tables import figures_table, lever_line
 from companion.analysis.trajectories import PoseKind
 from companion.commands.output_files import check_writable, writing
+from companion.commands.terminal import Console, bar_columns
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -104,7 +104,7 @@ def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]
     """All runs, shared out to processes. The order in which they end does not show in the result."""
     done: list[RunRows] = []
     with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
+        Progress(*bar_columns(), console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(max_workers=min(jobs, len(runs))) as pool,
     ):
         task = progress.add_task("evaluating", total=len(runs))

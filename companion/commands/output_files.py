@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from companion.errors import CompanionError
+from companion.host.whole_file import write_whole
 
 
 def check_writable(file: Path | None, folder: Path | None = None) -> None:
     """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is; a
     folder that is not there is made."""
     if file is not None:
-        is_new = not file.exists()
-        with writing(file), file.open("a"):
-            pass
-        if is_new:
-            file.unlink()
+        with writing(file):
+            is_new = not file.exists()
+            with file.open("a"):
+                pass
+            if is_new:
+                file.unlink()
     if folder is not None:
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
+
+
+def write_json(path: Path, content: object) -> None:
+    """As a whole or not at all. Raises CompanionError."""
+    with writing(path):
+        write_whole(path, json.dumps(content, indent=2, default=str) + "\n")
 
 
 @contextmanager
@@ -31,4 +40,4 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
+        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror or error}") from None

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 
 from companion.commands.output_files import check_writable, writing
+from companion.commands.terminal import Console
 from companion.errors import CompanionError
 from companion.study.catalogue import MODULES
 from companion.study.catalogue import study as load_study

@@ -28,8 +28,8 @@ _NOT_FINITE: Final = re.compile(r"[-+]?\.(inf|nan)", re.IGNORECASE)
 _MAC: Final = re.compile(r"\d\d(:\d\d){5}")
 _REFUSED: Final = (
     (re.compile(r"[-+]?0\d+(\.\d*)?"), "a number with a leading 0 is octal in YAML; write {plain}, or quote it"),
-    (re.compile(r"[-+]?[1-9]\d*(:[0-5]?\d)+(\.\d*)?"), "with colons it is a number to the base of 60 in YAML; write the plain "
-     "number, or quote it"),
+    (re.compile(r"[-+]?[1-9]\d*(:[0-5]?\d)+(\.\d*)?"),
+     "with colons a number to the base of 60 in YAML; write the plain one, or quote it"),
     (re.compile(r"[-+]?\d[\d_]*_[\d_.]*"), "underscores in a number; write {plain}, or quote it"),
     (re.compile(r"[-+]?0[xob][0-9a-fA-F_]+"), "not a decimal number; write it as one, or quote it"),
     (re.compile(r"\d{4}-\d\d?-\d\d?([Tt ].*)?"), "a date in YAML; quote it"),

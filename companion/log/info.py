@@ -58,12 +58,13 @@ class LogInfo:
 def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
     """Raises CompanionError for what is no log."""
     scan = LogScan(path, progress=progress)
-    topics: dict[str, TopicInfo] = {}
+    topics: dict[tuple[str, str, str], TopicInfo] = {}
     dropped = 0
     for message in scan:
-        info = topics.get(message.topic)
+        key = (message.topic, message.encoding, message.schema[0])
+        info = topics.get(key)
         if info is None:
-            info = topics[message.topic] = TopicInfo(message.topic, message.encoding, message.schema[0])
+            info = topics[key] = TopicInfo(message.topic, message.encoding, message.schema[0])
             info.first_ns = message.log_time_ns
         info.messages += 1
         info.payload_bytes += len(message.data)

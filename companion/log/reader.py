@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable, Container, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
 import msgspec
+from google.protobuf.message import DecodeError as ProtobufDecodeError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
@@ -284,6 +287,22 @@ def _why_no_log(path: Path) -> str:
         if is_own or not scan.is_whole:
             return f"cut off or damaged: its metadata {METADATA!r} cannot be read"
     return f"no log of this program (it has no metadata {METADATA!r})"
+
+
+@contextmanager
+def understood(path: Path) -> Iterator[None]:
+    """What comes of a message that is not what its topic says becomes a CompanionError: the bytes were written so."""
+    try:
+        yield
+    except _NOT_UNDERSTOOD as error:
+        what = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise CompanionError(f"{path}: holds a message that this program does not write ({what})") from error
+
+
+_NOT_UNDERSTOOD: Final = (
+    msgspec.MsgspecError, ProtobufDecodeError, struct.error, LookupError, TypeError, ValueError, ArithmeticError,
+    AttributeError, AssertionError, RecursionError, MemoryError,
+)  # fmt: skip
 
 
 def _first_of(path: Path) -> Path:

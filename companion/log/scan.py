@@ -11,7 +11,7 @@ import mmap
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import BinaryIO, Final
@@ -131,13 +131,13 @@ class RecordScan:
             raise EOFError
         content = data[_HEAD.size :]
         if frame.code == Opcode.DATA_END:
-            self._check(DataEnd.read(_stream(content)).data_section_crc)
+            self._check(_u32(content))
             self._crc, self._is_continuous = 0, not self._passed_over
         elif frame.code == Opcode.FOOTER:
             if len(content) != _FOOTER_BYTES:
                 raise ValueError("not the size of a footer")
             self._crc = zlib.crc32(data[:-_FOOTER_CRC_BYTES], self._crc)
-            self._check(Footer.read(_stream(content)).summary_crc)
+            self._check(_u32(content[-_FOOTER_CRC_BYTES:]))
         else:
             self._crc = zlib.crc32(data, self._crc)
         if frame.code == Opcode.CHUNK:
@@ -247,6 +247,11 @@ def _records_in(data: bytes) -> Iterator[McapRecord]:
             yield _READ[code](data[start:at])
 
 
+def _u32(content: bytes) -> int:
+    (value,) = struct.unpack("<I", content)
+    return int(value)
+
+
 class _Within(ReadDataStream):
     """The content of a record, which no length in it leaves."""
 
@@ -273,7 +278,7 @@ def _message(content: bytes) -> Message:
 
 
 _MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
-_READ: Final = {
+_READ: Final[Mapping[int, Callable[[bytes], McapRecord]]] = {
     Opcode.HEADER: lambda content: Header.read(_stream(content)),
     Opcode.SCHEMA: lambda content: Schema.read(_stream(content)),
     Opcode.CHANNEL: lambda content: Channel.read(_stream(content)),

@@ -46,7 +46,7 @@ def test_field_cases_are_refused_with_file_and_key(path: Path) -> None:
         ("p:\n- {id: 010}\n", "F: line 2: p.id: 010: a number with a leading 0 is octal in YAML; write 10,"),
         ("p: -017650\n", "write -17650,"),
         ("p: 00.5\n", "write 0.5,"),
-        ("p: 1:30\n", "F: line 1: p: 1:30: with colons it is a number to the base of 60 in YAML; write the plain"),
+        ("p: 1:30\n", "F: line 1: p: 1:30: with colons a number to the base of 60 in YAML; write the plain one"),
         ("p: 1_000\n", "underscores in a number; write 1000,"),
         ("p: 0x1F\n", "not a decimal number"),
         ("p: 2024-02-30\n", "F: line 1: p: 2024-02-30: a date in YAML; quote it"),

@@ -72,7 +72,10 @@ def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path
         ({"neighbours": {"key_file": "uav.key", "rate_hz": 1.0}}, "neighbours.rate_hz: 1; expected at least 2"),
         ({"neighbours": {"key_file": "beacon.key"}}, "key_file: beacon.key stands twice"),
         ({"mission": {"control": "flyy"}}, "mission.control: expected observe or fly (got 'flyy')"),
-        ({"neighbours": {"key_file": "u", "broadcast": "192.168.01.255"}}, "neighbours.broadcast: expected four numbers"),
+        (
+            {"neighbours": {"key_file": "u", "broadcast": "192.168.01.255"}},
+            "neighbours.broadcast: expected four numbers",
+        ),
         (
             {"peers": [{"id": 2, "name": "b", "mac": "00-21", "key_file": "b.key"}]},
             "peers[0].mac: expected six pairs of hexadecimal digits with colons between them, for example",
