@@ -74,6 +74,8 @@ def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "link" in health:
         strangers = {key: health["link"][key] for key in ("unknown_sender", "malformed", "version")}
         yield "strangers", ", ".join(f"{count} {_words(key)}" for key, count in strangers.items())
+    if health.get("network_problem"):
+        yield "robots' network", f"{health['network_problem']}; {health['link']['unsent']} datagrams not sent"
     for name, rate in health.get("interfaces", {}).items():
         yield f"sent at {name}", f"{rate / 1000:.1f} KB/s"
     for pair in health.get("lookalikes", ()):

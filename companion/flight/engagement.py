@@ -45,11 +45,13 @@ class Engagement:
         sar: SarIterations,
         recorder: Recorder,
         look: Callable[[], Surroundings] | None = None,
+        network_problem: Callable[[], str] = str,
     ) -> None:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
         self._clock = EventClock.over(clock)
+        self._network_problem = network_problem
         self._look = look or self._look_around
         self._seen: tuple[int, Surroundings] | None = None
         self._intake = intake
@@ -110,6 +112,7 @@ class Engagement:
             aoa_ready=self._sar.is_ready,
             recorder_failed=around.recorder_failed,
             free_mib=around.free_mib,
+            network_problem=around.network_problem,
         )
 
     def _surroundings(self) -> Surroundings:
@@ -129,6 +132,7 @@ class Engagement:
             self._target.refused.bad_key,
             self._recorder.failed,
             _free_mib(self._config.path(self._config.recorder.path).parent),
+            self._network_problem(),
         )
 
     def _age_s(self, t_ns: int | None) -> float:

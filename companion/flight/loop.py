@@ -76,6 +76,7 @@ class Flight:
         recorder: Recorder,
         make_commands: MakeCommands = FlightCommands,
         look: Callable[[], Surroundings] | None = None,
+        network_problem: Callable[[], str] = str,
     ) -> None:
         """A replay runs no commands and gives a `look` of its own at what was around."""
         assert config.autopilot is not None
@@ -102,7 +103,9 @@ class Flight:
             frozenset({_LEAVE_MODES[config.mission.leave]}),
         )
         self._ticker = Ticker(clock, _RATE_HZ)
-        self._engagement = Engagement(config, clock, intake, neighbours, self._autopilot, sar, recorder, look)
+        self._engagement = Engagement(
+            config, clock, intake, neighbours, self._autopilot, sar, recorder, look, network_problem
+        )
         self._commands = make_commands(self._autopilot, clock, self._report)
         channel = config.autopilot.engage_rc_channel
         self._switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)

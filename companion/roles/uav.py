@@ -72,6 +72,7 @@ class Uav:
             recorder,
             make_commands,
             look,
+            node.network_problem,
         )
 
     def take_answer(self, result: AoaResult) -> None:
