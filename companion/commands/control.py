@@ -59,7 +59,13 @@ def status(socket_path: Path, as_json: bool) -> None:
     for key, value in answer.items():
         if not isinstance(value, dict) and key != "ok":
             click.echo(f"{key:>20}  {value}")
-    for label, text in radio_lines(health):
+    try:
+        lines = list(radio_lines(health))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise CompanionError(
+            f"{socket_path}: of another version ({error!r}); --json shows all"
+        ) from None
+    for label, text in lines:
         click.echo(f"{label:>20}  {text}")
 
 

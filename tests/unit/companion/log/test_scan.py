@@ -265,5 +265,5 @@ def _foreign(crc: bool, topic: str = "/a", encoding: str = "json", data: bytes =
     channel = writer.register_channel(topic, encoding, schema, {"qos": "x"})
     writer.add_message(channel, 1, data, 1)
     writer.add_attachment(0, 0, "a.txt", "text/plain", b"abc")
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return file.getvalue()
