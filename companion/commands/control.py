@@ -62,9 +62,7 @@ def status(socket_path: Path, as_json: bool) -> None:
     try:
         lines = list(radio_lines(health))
     except (KeyError, TypeError, AttributeError) as error:
-        raise CompanionError(
-            f"{socket_path}: of another version ({error!r}); --json shows all"
-        ) from None
+        raise CompanionError(f"{socket_path}: of another version ({error!r}); --json shows all") from None
     for label, text in lines:
         click.echo(f"{label:>20}  {text}")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from companion.commands.output_files import check_writable, write_json, writing
+from companion.commands.output_files import check_writable, new_folder, write_json, writing
 from companion.commands.progress import tracked_bytes
 from companion.commands.terminal import Console
 from companion.core.messages import Vector3
@@ -71,7 +71,7 @@ def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
     from companion.log.reader import open_session, understood
 
     session = open_session(path)
-    with writing(out), understood(path), tracked_bytes("exporting") as progress:
+    with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
         written = write(session, formats or FORMATS, out, progress)
     if not written:
         raise CompanionError(f"{path}: holds nothing that {', '.join(formats or FORMATS)} could show")

@@ -35,6 +35,18 @@ def write_json(path: Path, content: object) -> None:
 
 
 @contextmanager
+def new_folder(folder: Path) -> Iterator[None]:
+    """A folder that nothing came into, because the work failed, is not left behind."""
+    is_new = not folder.exists()
+    try:
+        yield
+    except CompanionError:
+        if is_new and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
+@contextmanager
 def writing(path: Path) -> Iterator[None]:
     """An OSError inside becomes a CompanionError that names the file it is of, or `path`."""
     try:
