@@ -7,6 +7,7 @@ import importlib
 import io
 import os
 import sys
+from pathlib import Path
 from typing import Final
 
 import click
@@ -73,7 +74,7 @@ def main() -> None:
 
 def _run() -> int:
     try:
-        program(standalone_mode=True)
+        program([_at_home(word) for word in sys.argv[1:]], standalone_mode=True)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except CompanionError as error:
@@ -87,6 +88,15 @@ def _run() -> int:
     except MemoryError:
         return _fail("what was read needs more memory than there is")
     return 0
+
+
+def _at_home(word: str) -> str:
+    """`--out=~/x`, which no shell expands, would make a folder named ~."""
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    try:
+        return f"{option}{equals}{Path(value).expanduser()}" if value.startswith("~/") else word
+    except RuntimeError:  # nobody's home is known
+        return word
 
 
 def _fail(text: str, code: int = 1) -> int:

@@ -69,7 +69,8 @@ class LogScan:
         """In these places."""
         self.size_bytes = 0
         self.is_own = False
-        """Whether this program wrote it."""
+        """Whether its header or its metadata say that this program wrote it."""
+        self.has_header = False
         self._topics = topics
         self._progress = progress
         self._past_damage = past_damage
@@ -102,6 +103,7 @@ class LogScan:
                 case Channel():
                     channels[record.id] = record
                 case Header():
+                    self.has_header = True
                     self.is_own = self.is_own or record.library == LIBRARY
                 case Metadata():
                     self.is_own = self.is_own or record.name == METADATA
@@ -265,13 +267,13 @@ def _take_metadata(record: Metadata, found: dict[str, dict[str, str]]) -> bool:
     return is_sound
 
 
-def is_own_log(path: Path) -> bool:
-    """Whether this program wrote a file, though its metadata cannot be read: its header says so, or its topics do.
+def is_foreign_log(path: Path) -> bool:
+    """Whether another program wrote a file: its header says so, or, where that is lost, none of its topics is ours.
     Raises CompanionError for what is no log."""
     scan = LogScan(path)
-    own = {(stream.topic, stream.encoding) for stream in (CSI, POSE_IN, NEIGHBOUR)}
-    has_own_topic = bool(own & {(message.topic, message.encoding) for message in scan})
-    return scan.is_own or has_own_topic
+    ours = {(stream.topic, stream.encoding) for stream in (CSI, POSE_IN, NEIGHBOUR)}
+    found = {(message.topic, message.encoding) for message in scan}
+    return not scan.is_own and (scan.has_header or bool(found)) and not ours & found
 
 
 def _why_no_log(path: Path) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.errors import CompanionError
-from companion.log.reader import LoggedMessage, LogScan, Progress, is_own_log, metadata_of
+from companion.log.reader import LoggedMessage, LogScan, Progress, is_foreign_log, metadata_of
 from companion.log.writer import METADATA, LogWriter
 
 
@@ -28,7 +28,7 @@ def repair(source: Path, target: Path, progress: Progress | None = None) -> Repa
     """Copies all readable messages. Raises CompanionError; never touches `source`, nor a `target` that is there, and
     leaves no target that is not whole. What another program wrote is refused: only of our own logs this copies all."""
     metadata = metadata_of(source)
-    if METADATA not in metadata and not is_own_log(source):
+    if METADATA not in metadata and is_foreign_log(source):
         raise CompanionError(
             f"{source}: no log of this program; attachments and channel metadata of other programs would be lost; "
             "`mcap recover` of the mcap tool keeps them"

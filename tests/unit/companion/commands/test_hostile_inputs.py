@@ -258,3 +258,12 @@ def test_a_message_of_another_century_costs_a_report_no_memory(
     assert code == 0, err
     assert "2 messages of another time" in (tmp_path / "r.html").read_text()
     assert json.loads((tmp_path / "n.json").read_text())
+
+
+def test_home_is_meant_by_a_tilde(
+    call: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert call("log", "info", str(GOLDEN[0]), "--json=~/info.json")[0] == 0
+    assert (tmp_path / "info.json").exists()
+    assert not (tmp_path / "~").exists()

@@ -41,7 +41,7 @@ from companion.core.streams import (
     VEHICLE,
     Stream,
 )
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.guidance.tracker import Target, TargetReport
 from companion.log.foxglove import power_of
 from companion.log.lines import LogLine
@@ -362,3 +362,20 @@ def _is_whole(path: Path) -> bool:
     for _ in scan:
         pass
     return scan.is_whole
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
+)
+    ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
+)
+def test_a_place_that_cannot_be_meant_is_refused(tmp_path: Path, name: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"recorder.path .*{said}"):
+        write(tmp_path / name, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_services_own_directory_is_made(tmp_path: Path) -> None:
+    own = dataclasses.replace(CONFIG, runtime_dir=str(tmp_path / "run" / "companion"))
+    write(own.path("log.mcap"), 1, own)
+    assert own.path("log.mcap").exists()
