@@ -367,8 +367,6 @@ def _is_whole(path: Path) -> bool:
 @pytest.mark.parametrize(
     ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
 )
-    ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
-)
 def test_a_place_that_cannot_be_meant_is_refused(tmp_path: Path, name: str, said: str) -> None:
     with pytest.raises(ConfigError, match=f"recorder.path .*{said}"):
         write(tmp_path / name, 1)
