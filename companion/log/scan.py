@@ -21,7 +21,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 UNREADABLE: Final = (
@@ -43,7 +43,8 @@ _MARK_AT: Final = 37
 """Of the name of its compression in a chunk: code, length, two times, size and checksum stand before it."""
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")
-_LARGEST_CHUNK: Final = 1 << 30
+_LARGEST: Final = 1 << 28
+"""Of a record that is read, and of what a chunk unpacks to: a damaged length takes no more memory."""
 _PIECE: Final = 1 << 20
 _KNOWN: Final = frozenset(int(code) for code in Opcode)
 _FOOTER_BYTES: Final = 20
@@ -126,6 +127,8 @@ class RecordScan:
         if frame.code not in _READ:
             self._skip(frame)
             return []
+        if frame.end - frame.at > _LARGEST:
+            raise ValueError("larger than any record that is read")
         data = self._file.read(frame.end - frame.at)
         if len(data) != frame.end - frame.at:
             raise EOFError
@@ -173,7 +176,7 @@ class RecordScan:
         name = content[_CHUNK_HEAD.size : at].decode()
         (length,) = struct.unpack_from("<Q", content, at)
         packed = content[at + 8 :]
-        if length != len(packed) or size > _LARGEST_CHUNK:
+        if length != len(packed) or size > _LARGEST:
             raise ValueError("the chunk says otherwise of its size than its record")
         if name not in COMPRESSIONS:
             self.unknown.add(name)
@@ -285,7 +288,6 @@ _READ: Final[Mapping[int, Callable[[bytes], McapRecord]]] = {
     Opcode.MESSAGE: _message,
     Opcode.CHUNK: lambda content: Chunk.read(_stream(content)),
     Opcode.METADATA: lambda content: Metadata.read(_stream(content)),
-    Opcode.ATTACHMENT: lambda content: Attachment.read(_stream(content)),
     Opcode.DATA_END: lambda content: DataEnd.read(_stream(content)),
     Opcode.FOOTER: lambda content: Footer.read(_stream(content)),
 }
