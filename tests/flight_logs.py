@@ -82,4 +82,7 @@ def _datagram(frames: list[int], counter: int, t_ns: int) -> bytes:
         np.zeros(count, np.uint8),
     )
     none = wire.PoseBatch(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.uint8))
-    return wire.encode(wire.Datagram(wire.Role.BEACON, BEACON, BOOT, counter, t_ns, none, csi), _KEY)
+    sent = wire.Datagram(
+        role=wire.Role.BEACON, sender=BEACON, boot_id=BOOT, counter=counter, sent_ns=t_ns, poses=none, csi=csi
+    )
+    return wire.encode(sent, _KEY)

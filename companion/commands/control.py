@@ -71,7 +71,8 @@ def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """(label, what a person wants to know) of the card, the neighbours and the interfaces, from a service's health."""
     if (radio := health.get("radio")) is not None:
         refused = radio["malformed"] + radio["unknown_sender"] + radio["no_sender"] + radio["wide"]
-        seen = f"{radio['samples']} packets of neighbours, {refused} of others or unusable"
+        wide = f" ({radio['wide']} of 40 MHz)" if radio["wide"] else ""
+        seen = f"{radio['samples']} packets of neighbours, {refused} of others or unusable{wide}"
         yield "card", f"{seen}, {radio['lost']} counted by the driver and never seen"
     for name, neighbour in health.get("neighbours", {}).items():
         yield f"neighbour {name}", ", ".join(_neighbour(neighbour))

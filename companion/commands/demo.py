@@ -10,11 +10,11 @@ import click
 import msgspec
 import numpy as np
 
-from companion.commands.terminal import Console
+from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
-from companion.sim.demo_view import LiveTable, rows_table, summary_lines
 
 _PIPE_WIDTH = 140
 
@@ -42,9 +42,7 @@ def demo(seed: int, max_time: float, out: Path, json_path: Path | None) -> None:
     _check_writable(out, json_path)
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_WIDTH)  # a pipe or file has no width of its own; 80 columns would cut the table
+    console = wide_console(_PIPE_WIDTH)
     with LiveTable(console) as table:
         try:
             run = asyncio.run(run_demo(seed, out, max_time, table.show))
@@ -88,7 +86,7 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
             np.array([t.uav_antenna_enu_m for t in run.truths]),
             np.array([t.beacon_antenna_enu_m for t in run.truths]),
             bearings,
-            f"Rendezvous, seed {result.seed}: {result.outcome}",
+            f"The flight from above, seed {result.seed}: {result.outcome}",
         )
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:

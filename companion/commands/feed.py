@@ -28,7 +28,7 @@ _PATIENCE_S: Final = 3.0
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path, readable=False))
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.01, max=1000),

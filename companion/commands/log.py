@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
 from rich.table import Table
 
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
 from companion.commands.output_files import check_writable, new_folder, write_json, writing
 from companion.commands.progress import tracked_bytes
-from companion.commands.terminal import Console
+from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
+from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
 
-_file = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, readable=False)
 _WIDTH = 120
 
 
@@ -31,7 +33,7 @@ def log() -> None:
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 def info(paths: tuple[Path, ...], json_path: Path | None) -> None:
     """What a log holds; also of one that was cut off."""
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     infos = []
     check_writable(json_path)
     for path in paths:
@@ -99,13 +101,11 @@ def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) ->
 
 @log.command("import")
 @click.argument("run", required=False, metavar="[RUN]", type=_file)
-@click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
-@click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
-@click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
-@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
-@click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
+@run_options
+@click.option("--channel", type=int, callback=known_channel, help="WiFi channel; else as the ground truth file says.")
 @click.option("--mac", "macs", multiple=True, metavar="NAME=MAC", help="Card of a transmitter that is not known.")
-@click.option("--lever", type=(float, float, float), metavar="F L U", help="Antenna from the tracked point [m].")
+@lever_option
+@moving_ends
 @click.option("--out", type=_file, default=Path("imported"), show_default=True, help="Folder for <set>_<TS>.mcap.")
 def import_(
     run: Path | None,
@@ -116,16 +116,19 @@ def import_(
     channel: int | None,
     macs: tuple[str, ...],
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     out: Path,
 ) -> None:
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
     from companion.analysis.imported import import_run
     from companion.analysis.result import Options
-    from companion.commands.analyze import chosen_runs, macs_by_name
 
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
     runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
+    options = Options(None, channel, lever_m=lever)
+    runs, options = with_moving_ends(runs, options, time_offset, tx_traj, tx_time_offset, tx_lever)
     failed = []
     begun = time.monotonic()
     with tracked_bytes("importing") as progress:
@@ -133,10 +136,12 @@ def import_(
         for number, one in enumerate(runs):
             target = out / f"{one.set_name}_{one.folder.resolve().name}_{one.stamp}.mcap"
             try:
-                scene = import_run(one, target, Options(None, channel, macs_by_name(macs, one), lever))
+                scene = import_run(one, target, replace(options, macs=macs_by_name(macs, one)))
             except CompanionError as error:
                 failed.append(str(error))
                 continue
+            for path in (*one.trajectories.values(), *one.tx_trajectories.values()):
+                click.echo(f"  - trajectory {path}")
             for problem in scene.problems:
                 click.echo(f"  ! {problem}", err=True)
             progress(number + 1, len(runs))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import msgspec
+
+from companion.analysis.runs import printable
 from companion.errors import CompanionError
 from companion.host.whole_file import write_whole
 
@@ -29,9 +32,25 @@ def check_writable(file: Path | None, folder: Path | None = None) -> None:
 
 
 def write_json(path: Path, content: object) -> None:
-    """As a whole or not at all. Raises CompanionError."""
+    """Dataclasses or plain values, indented, as a whole or not at all. Raises CompanionError.
+
+    What is no number is null, and names of files that are no UTF-8 are as they are printed.
+    """
+    plain = _printable(msgspec.to_builtins(content, enc_hook=_plain))
     with writing(path):
-        write_whole(path, json.dumps(content, indent=2, default=str) + "\n")
+        write_whole(path, msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def _plain(value: object) -> object:
+    return float(value) if isinstance(value, float) else str(value)
+
+
+def _printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, dict):
+        return {_printable(key): _printable(item) for key, item in value.items()}
+    return [_printable(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 @contextmanager

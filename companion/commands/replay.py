@@ -12,7 +12,7 @@ from rich.table import Table
 
 from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
-from companion.commands.terminal import Console
+from companion.commands.terminal import Console, wide_console
 from companion.config.file import load_config
 from companion.config.schema import Config
 from companion.errors import CompanionError, ConfigError
@@ -94,7 +94,7 @@ def _replay(
         _replay_recording(session, json_path, out)
         return
     config = session.config() if config_path is None else _other_config(config_path)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     begun = time.monotonic()
     with Player(session, config, exact=config_path is None) as player:
         if live_page:
@@ -158,7 +158,7 @@ def _conclude(
 def _verdict(checks: list[StreamCheck], result: ReplayResult, session: Session) -> str:
     differing = [one.topic for one in checks if one.difference is not None]
     if not differing and not result.unexpected:
-        click.echo("identical within the tolerances of docs/log.md")
+        click.echo("identical within the tolerances of docs/replay.md")
         return ""
     dropped = result.dropped_while_recording
     why = f"; {dropped} messages were dropped while recording, so it cannot be exact" if dropped else ""
@@ -207,11 +207,12 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
 def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
     """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
     from companion.analysis.imported import analyze_session
-    from companion.analysis.tables import as_json, note_lines, problem_lines, run_table
+    from companion.analysis.summary import as_json, note_lines, problem_lines
+    from companion.commands.tables import run_table
 
     with working("estimating"):
         result = analyze_session(session)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     console.print(run_table(result))
     for line in note_lines(result):
         console.print(f"  - {line}", markup=False, highlight=False, soft_wrap=True)
@@ -220,9 +221,9 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
     if json_path is not None:
         write_json(json_path, as_json([result]))
     if out is not None:
-        from companion.commands.analyze import draw
+        from companion.commands.recordings import draw_profiles
 
-        draw(result, out)
+        draw_profiles(result, out)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

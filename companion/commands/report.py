@@ -53,7 +53,7 @@ def _flight(session: Session) -> tuple[str, dict[str, Any]]:
 
 def _recording(session: Session, kind: PoseKind | None) -> tuple[str, dict[str, Any]]:
     from companion.analysis.imported import analyze_session, path_of_recording, scene_of
-    from companion.analysis.tables import as_json
+    from companion.analysis.summary import as_json
     from companion.report.page import recording_page
     from companion.report.pictures import path_of
 

@@ -13,6 +13,12 @@ class Console(rich.console.Console):
         super().__init__(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
+def wide_console(pipe_columns: int) -> Console:
+    """Standard output. A pipe or a file has no width of its own: `pipe_columns` there, as 80 would cut tables."""
+    console = Console()
+    return console if console.is_terminal else Console(width=pipe_columns)
+
+
 def bar_columns() -> tuple[ProgressColumn, ...]:
     """Of a progress bar: rich's own, but for its text, which is no markup."""
     return (

@@ -14,7 +14,8 @@ import msgspec
 import yaml
 
 from companion.config.document import read_document
-from companion.config.schema import Config
+from companion.config.rules import config_errors
+from companion.config.schema import CHECK, Config
 from companion.errors import ConfigError
 
 _LARGEST_BYTES: Final = 256 << 10
@@ -56,7 +57,7 @@ def config_of(document: dict[str, Any], where: str) -> Config:
     errors: list[str] = []
     config = _build(Config, document, "", errors)
     if config is not None and not errors:
-        errors = config.errors()
+        errors = config_errors(config)
     if errors or config is None:
         count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
         raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in errors))
@@ -101,10 +102,17 @@ def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
         errors.append(f"{path}: expected a finite number (got {_shown(value)})")
         return None
     try:
-        return msgspec.convert(value, hint)
+        converted = msgspec.convert(value, hint)
+        for extra in (one.extra for one in arguments if isinstance(one, msgspec.Meta)):
+            if extra is not None:
+                extra[CHECK](converted)
     except msgspec.ValidationError as error:
         errors.append(f"{path}: {_expected(hint) or str(error).replace('`', '')} (got {_shown(value)})")
         return None
+    except ValueError as error:
+        errors.append(f"{path}: {error}")
+        return None
+    return converted
 
 
 def _is_finite(value: Any) -> bool:

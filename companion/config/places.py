@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-if TYPE_CHECKING:
-    from companion.config.schema import Config
+from companion.config.schema import Config
 
 LONGEST_LEVER_M: Final = 2.0
 

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import AsyncIterator
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
+
+
+def age_s(t_ns: int | None, now_ns: int) -> float:
+    """From then until now; infinite for what never was."""
+    return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S
 
 
 class Clock(Protocol):

@@ -105,7 +105,7 @@ class Event(StrEnum):
     ENGAGE = "engage"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
     """One look, recorded with the event that looked."""
 

@@ -20,8 +20,6 @@ _OURS = frozenset({FlightMode.OFFBOARD, FlightMode.TAKEOFF, FlightMode.HOLD})
 """Modes in which the vehicle is while this flies it: the others are somebody's decision."""
 
 Command = Coroutine[Any, Any, None]
-
-
 Report = Callable[[Event | None, str], None]
 
 

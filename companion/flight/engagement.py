@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, Clock
+from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings
 from companion.core.messages import FlightMode
 from companion.core.recorder import Recorder
 from companion.core.streams import SURROUNDINGS
-from companion.neighbours.neighbour import Neighbour
+from companion.flight.knowledge import Knowledge
 from companion.pose.intake import PoseIntake
 from companion.safety.preflight import (
     Readiness,
@@ -38,9 +37,9 @@ class Engagement:
     def __init__(
         self,
         config: Config,
-        clock: Clock,
+        clock: EventClock,
         intake: PoseIntake,
-        neighbours: Mapping[int, Neighbour],
+        knowledge: Knowledge,
         autopilot: Autopilot,
         sar: SarIterations,
         recorder: Recorder,
@@ -50,18 +49,21 @@ class Engagement:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
-        self._clock = EventClock.over(clock)
+        self._clock = clock
         self._network_problem = network_problem
         self._look = look or self._look_around
         self._seen: tuple[int, Surroundings] | None = None
         self._intake = intake
-        self._target = neighbours[config.target]
+        self._knowledge = knowledge
+        self._target = knowledge.neighbour
         self._autopilot = autopilot
         self._sar = sar
         self._recorder = recorder
         self._checked_ns: int | None = None
         self._limits = ReadinessLimits(
-            config.aperture.silent_s, config.mission.min_battery, config.recorder.min_free_mib
+            silent_s=config.aperture.silent_s,
+            min_battery=config.mission.min_battery,
+            min_free_mib=config.recorder.min_free_mib,
         )
 
     @property
@@ -69,9 +71,9 @@ class Engagement:
         """Whether the autopilot's parameters were found as required a moment ago."""
         return self._surroundings().parameters_checked
 
-    def not_ready(self, packet_age_s: float, datagram_age_s: float) -> list[str]:
-        """What is missing now, but for the parameters. The ages are those of the target's newest sign of life."""
-        return readiness_problems(self._readiness(packet_age_s, datagram_age_s), self._limits)
+    def not_ready(self) -> list[str]:
+        """What is missing now, in words, but for the autopilot's parameters, which must be asked for."""
+        return readiness_problems(self._readiness(), self._limits)
 
     async def parameter_problems(self) -> list[str]:
         """Reads what is required of the autopilot, all at once; one line for each that is wrong."""
@@ -90,7 +92,7 @@ class Engagement:
         except AutopilotError as error:
             return str(error)
 
-    def _readiness(self, packet_age_s: float, datagram_age_s: float) -> Readiness:
+    def _readiness(self) -> Readiness:
         vehicle, around = self._autopilot.state(), self._surroundings()
         return Readiness(
             observes=self._config.mission.control == "observe",
@@ -105,8 +107,8 @@ class Engagement:
             battery=vehicle.battery_remaining,
             pose_problem=self._intake.problem(),
             north_problem=self._intake.north_problem(),
-            datagram_age_s=datagram_age_s,
-            packet_age_s=packet_age_s,
+            datagram_age_s=self._knowledge.datagram_age_s(),
+            packet_age_s=self._knowledge.packet_age_s(),
             bad_signatures=around.bad_signatures,
             clock_problem=self._target.not_locked(self._clock.now_ns()),
             aoa_ready=self._sar.is_ready,
@@ -126,17 +128,17 @@ class Engagement:
 
     def _look_around(self) -> Surroundings:
         return Surroundings(
-            self._clock.now_ns(),
-            self._autopilot.problem,
-            self._age_s(self._checked_ns) < _CHECKED_FOR_S,
-            self._target.refused.bad_key,
-            self._recorder.failed,
-            _free_mib(self._config.path(self._config.recorder.path).parent),
-            self._network_problem(),
+            t_mono_ns=self._clock.now_ns(),
+            autopilot_problem=self._autopilot.problem,
+            parameters_checked=self._age_s(self._checked_ns) < _CHECKED_FOR_S,
+            bad_signatures=self._target.refused.bad_key,
+            recorder_failed=self._recorder.failed,
+            free_mib=_free_mib(self._config.path(self._config.recorder.path).parent),
+            network_problem=self._network_problem(),
         )
 
     def _age_s(self, t_ns: int | None) -> float:
-        return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
+        return age_s(t_ns, self._clock.now_ns())
 
 
 def _free_mib(directory: Path) -> float:

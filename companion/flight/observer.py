@@ -30,7 +30,7 @@ class Observer:
             if now_ns - self._ended_ns >= self._config.settle_s * NS_PER_S:
                 self._sar.finish(self._ended_ns)
                 self._ended_ns = None
-        elif self._sar.start_ns is None:
+        elif not self._sar.is_measuring:
             if not self._sar.is_waiting:
                 self._sar.begin()
                 self._began_ns = now_ns

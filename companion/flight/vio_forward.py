@@ -13,7 +13,7 @@ _log = logging.getLogger(__name__)
 
 
 class VioForwarder:
-    """Takes every usable pose and sends on as many as `rate_hz` allows; a failed tracker's are never sent."""
+    """Gets every usable pose and sends on as many as `rate_hz` allows; a failed tracker's are never sent."""
 
     def __init__(self, autopilot: Autopilot, intake: PoseIntake, rate_hz: float) -> None:
         self._autopilot = autopilot
@@ -23,7 +23,7 @@ class VioForwarder:
         self.sent = 0
         self.failed = 0
 
-    def take(self, pose: Pose) -> None:
+    def forward(self, pose: Pose) -> None:
         if self._period_ns is None or pose.t_mono_ns < self._due_ns or pose.confidence < 1:
             return
         # From the due time, not from now, so that a rate that does not divide the tracker's is kept on average.

@@ -58,7 +58,7 @@ class Approach:
         """The set point of this tick. A new leg goes along `azimuth_rad`; without `moving` the vehicle stands."""
         if not moving:
             self._enter(_Phase.REST, now_ns)
-            self._sar.start_ns = None
+            self._sar.abandon()
         elif self._phase is _Phase.REST:
             self._leg = plan_leg(self._at_m, azimuth_rad, self._height_m, self._side, self._shape)
             self._side = -self._side

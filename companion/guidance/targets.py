@@ -64,7 +64,6 @@ class Targets:
     def _place(self, peer: int) -> Vector3 | None:
         found = self._found[peer]
         newest = self._neighbours[peer].newest_pose()
-        if found.origin_local_enu_m is None or newest is None or newest[0] != found.boot:
+        if newest is None or newest[0] != found.boot:
             return None
-        x, y, z = (o + q for o, q in zip(found.origin_local_enu_m, newest[1], strict=True))
-        return x, y, z
+        return found.place(newest[1])

@@ -51,12 +51,13 @@ class Target:
     agreement: float = 0.0
     """Share of the bearings kept that point there, in 0..1: where it is low, no place explains what was measured."""
 
-    def range_from(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3) -> float:
-        """Range [m] from a place to the target where its own poses say it is now; infinite where unknown."""
+    def place(self, target_p_enu_m: Vector3) -> Vector3 | None:
+        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`; None before there
+        are two bearings."""
         if self.origin_local_enu_m is None:
-            return math.inf
-        now_m = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
-        return math.dist(p_local_enu_m, tuple(now_m))
+            return None
+        x, y, z = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
+        return x, y, z
 
 
 @dataclass(frozen=True, slots=True)

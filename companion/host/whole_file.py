@@ -1,9 +1,8 @@
-"""A file that is there as a whole or not at all."""
+"""A file that is there as a whole or not at all, whatever ends the writing of it."""
 
 from __future__ import annotations
 
-import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,25 +20,18 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         with target.open("wb") as file:
             yield file
         return
-    number, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=target.parent)
-    written = Path(name)
+    part = target.with_name(f".{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(number, "wb") as file:
+        with part.open("xb") as file:
             yield file
-        written.chmod(target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask())
-        written.replace(target)
-    except BaseException:
-        written.unlink(missing_ok=True)
-        raise
+        if target.exists():
+            part.chmod(target.stat().st_mode & 0o777)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def write_whole(path: Path, text: str) -> None:
     """Raises OSError. A name that is not UTF-8 is written escaped."""
     with whole_file(path) as file:
         file.write(text.encode("utf-8", "backslashreplace"))
-
-
-def _umask() -> int:
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask

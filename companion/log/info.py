@@ -35,7 +35,7 @@ class TopicInfo:
         return (self.messages - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogInfo:
     """One file. `dropped` messages as the recorder last said in health."""
 
@@ -73,15 +73,15 @@ def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
         if message.topic == HEALTH.topic and message.encoding == HEALTH.encoding and message.schema[0] == _HEALTH:
             dropped = dropped_of(message.data, dropped)
     return LogInfo(
-        path,
-        scan.size_bytes,
-        scan.is_whole,
-        scan.damaged,
-        scan.metadata.get(METADATA, {}),
-        tuple(topics[topic] for topic in sorted(topics)),
-        min((info.first_ns for info in topics.values()), default=0),
-        max((info.last_ns for info in topics.values()), default=0),
-        dropped,
+        path=path,
+        size_bytes=scan.size_bytes,
+        is_whole=scan.is_whole,
+        damaged=scan.damaged,
+        metadata=scan.metadata.get(METADATA, {}),
+        topics=tuple(topics[topic] for topic in sorted(topics)),
+        start_ns=min((info.first_ns for info in topics.values()), default=0),
+        end_ns=max((info.last_ns for info in topics.values()), default=0),
+        dropped=dropped,
     )
 
 

@@ -50,7 +50,7 @@ _MOST_BACK: Final = 100
 Floats = npt.NDArray[np.float64]
 
 
-class _Forward(io.BufferedReader):
+class _ForwardOnly(io.BufferedReader):
     """The parser goes round in circles in some files that are damaged and cut: this ends it. In others it goes back to
     the header of a message a few times, where sections begin."""
 
@@ -78,7 +78,7 @@ class Ulog:
         self.path = path
         try:
             # Given its name, it leaves a bad file open; and what it says of damage it prints.
-            with _Forward(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
+            with _ForwardOnly(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
                 self._log = ULog(file)
         except (ULogException, struct.error, OSError, *_UNREADABLE) as error:
             raise CompanionError(f"{path}: not a readable .ulg file: {error}") from None

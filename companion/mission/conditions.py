@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import age_s
 from companion.core.inputs import Event
 from companion.core.messages import FlightMode, VehicleState
 from companion.mission.table import State
@@ -33,7 +33,7 @@ _ENGAGED_STATES: Final = _FLIGHT_STATES | {State.PREFLIGHT}
 _TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
     """Everything the conditions look at. Ages in seconds; infinite for what was never there."""
 
@@ -57,7 +57,7 @@ class Situation:
     """Since the stream's last tick; 0 while there is no stream."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLimits:
     """The configuration's part in it."""
 
@@ -78,8 +78,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     in_flight, engaged = state in _FLIGHT_STATES, state in _ENGAGED_STATES
     now_ns = situation.now_ns
     link_lost = (
-        _age_s(vehicle.mode_mono_ns, now_ns) > MODE_LOST_S
-        or _age_s(vehicle.heartbeat_mono_ns, now_ns) > HEARTBEAT_LOST_S
+        age_s(vehicle.mode_mono_ns, now_ns) > MODE_LOST_S or age_s(vehicle.heartbeat_mono_ns, now_ns) > HEARTBEAT_LOST_S
     )
     battery_low = vehicle.battery_remaining is not None and vehicle.battery_remaining < limits.min_battery
     silent = situation.target_age_s > limits.silent_s
@@ -117,7 +116,3 @@ def _time_limit_s(state: State, limits: ConditionLimits) -> float:
     if state is State.HOLDING:
         return limits.hold_s
     return _TIME_LIMITS_S.get(state, float("inf"))
-
-
-def _age_s(t_ns: int | None, now_ns: int) -> float:
-    return float("inf") if t_ns is None else (now_ns - t_ns) / NS_PER_S

@@ -1,4 +1,4 @@
-"""The mission as a pure state machine: one table, one step. docs/safety.md shows it, generated from here.
+"""The mission as a pure state machine: one table, one step. docs/mission.md shows it, generated from here.
 
 Every way out of our own mode stops the stream and ends in LATCHED (or FAULT): the companion never takes the vehicle
 back by itself. Only a person's `engage` leads out of IDLE and LATCHED, and the table has no other way.

@@ -1,4 +1,7 @@
-"""The UDP socket that datagrams leave and enter by; it is opened anew when the network has taken it away."""
+"""The UDP socket that datagrams leave and enter by: broadcast or multicast, on the interface that was configured.
+
+It is opened anew when the network has taken it away.
+"""
 
 from __future__ import annotations
 

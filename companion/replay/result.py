@@ -27,7 +27,7 @@ from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, Inpu
 _LONGEST_WAIT_S = 60.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayResult:
     """Both sides in the order of decision. `unexpected` counts outcomes and answers that nothing had asked for."""
 
@@ -90,14 +90,14 @@ class Replay:
         end = self._last if self._is_cut else self._last + 1
         player = self._player
         return ReplayResult(
-            [message for message in self._recorded if message.sequence < end],
-            [one for one in player.log.decided if one.event < end],
-            self._events,
-            self._start_ns,
-            (self._end_ns - self._start_ns) / NS_PER_S,
-            player.unexpected,
-            self._dropped,
-            self._is_cut,
+            recorded=[message for message in self._recorded if message.sequence < end],
+            decided=[one for one in player.log.decided if one.event < end],
+            events=self._events,
+            start_ns=self._start_ns,
+            flight_s=(self._end_ns - self._start_ns) / NS_PER_S,
+            unexpected=player.unexpected,
+            dropped_while_recording=self._dropped,
+            is_cut=self._is_cut,
         )
 
     def _messages(self) -> Iterator[LoggedMessage]:

@@ -1,6 +1,6 @@
 """Every fault of the mission: when it is noticed at the latest, by what, and what clears it. Pure.
 
-What is done about it stands in `mission.TABLE`; docs/safety.md shows both together, generated.
+What is done about it stands in `mission.TABLE`; docs/mission.md shows both together, generated.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ REQUIREMENTS: Final = (
         "the height the legs are flown at is that of the poses",
     ),
 )  # fmt: skip
-"""docs/safety.md has this table, generated."""
+"""docs/vehicle.md has this table, generated."""
 
 
 def required_parameters(gps: bool) -> tuple[Requirement, ...]:
@@ -95,7 +95,7 @@ def parameter_problems(values: Mapping[str, float | str], gps: bool) -> Iterator
             yield requirement.problem(value)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Readiness:
     """What the service knows of itself now. Ages in seconds, infinite for what was never there."""
 
@@ -123,7 +123,7 @@ class Readiness:
     network_problem: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReadinessLimits:
     """The configuration's part in it."""
 

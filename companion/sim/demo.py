@@ -46,7 +46,7 @@ class Watch:
     setpoint_rate_hz: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DemoRun:
     """What happened, before the log is read. `outcome` says in words how it ended."""
 
@@ -115,7 +115,16 @@ class _Operator:
             await ask(self._stage.control_socket, "abort")
             await self._watch_it_leave()
         closest_m = min((t.distance_m for t in self._truths), default=math.inf)
-        return DemoRun(reached, outcome, engaged_ns, flight_s, setup_s, closest_m, self._truths, self._stage)
+        return DemoRun(
+            reached=reached,
+            outcome=outcome,
+            engaged_ns=engaged_ns,
+            flight_s=flight_s,
+            setup_s=setup_s,
+            closest_m=closest_m,
+            truths=self._truths,
+            stage=self._stage,
+        )
 
     async def _watch_it_leave(self) -> None:
         """Long enough to see whether anything is sent after OFFBOARD was left."""

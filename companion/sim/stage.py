@@ -11,7 +11,7 @@ import secrets
 import signal
 import socket
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
@@ -31,7 +31,7 @@ _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
     """Where everything of one demo run is. `transport` is netlink where permitted, else unix with the reason why."""
 
@@ -59,7 +59,7 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
     have a limit). Logs go to `out`."""
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
-    claims = _claim_connectors() if transport == "netlink" else {}
+    claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
     mavlink_port, neighbour_port = _free_udp_port("127.0.0.1"), _free_udp_port("127.255.255.255")
     uav = load_config(_CONFIGS / "demo-uav.yaml")
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
@@ -76,7 +76,16 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
         _write_key(config.path(config.peers[0].key_file), peer_key)
     scenario = _scenario(uav, beacon, directory, seed)
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
-    return Stage(directory, uav, beacon, scenario, mavlink_port, transport, reason, tuple(claims.values()))
+    return Stage(
+        directory=directory,
+        uav=uav,
+        beacon=beacon,
+        scenario=scenario,
+        mavlink_port=mavlink_port,
+        transport=transport,
+        transport_reason=reason,
+        claims=tuple(claims.values()),
+    )
 
 
 class Cast:
@@ -169,13 +178,13 @@ class Cast:
             await process.wait()
 
 
-def _claim_connectors() -> dict[int, socket.socket]:
-    """Two connector indices that no other run on this machine uses, each with the socket that says so.
+def claim_connectors(count: int, among: Iterable[int] = _CONNECTORS) -> dict[int, socket.socket]:
+    """So many connector indices that no other run on this machine uses, each with the socket that says so.
 
     An abstract Unix socket is a lock that the kernel gives back whenever its process ends.
     """
     claims: dict[int, socket.socket] = {}
-    for index in _CONNECTORS:
+    for index in among:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             claim.bind(f"\0wsr-companion-demo-connector-{index}")
@@ -183,7 +192,7 @@ def _claim_connectors() -> dict[int, socket.socket]:
             claim.close()
             continue
         claims[index] = claim
-        if len(claims) == _ROBOTS:
+        if len(claims) == count:
             return claims
     raise CompanionError("every netlink connector index is taken by another demo; wait until one has ended")
 

@@ -199,7 +199,14 @@ async def _follow(flight: Flying) -> None:
             with suppress(CompanionError, OSError, TypeError):  # not there yet, or its position is not known yet
                 state = (await flight.status())["vehicle"]
                 now = truth.VehicleTruth(
-                    time.monotonic_ns(), tuple(state["p_local_enu_m"]), tuple(state["v_local_enu_m_s"]),
-                    state["yaw_enu_rad"], state["mode"].upper(), state["armed"], 0, 0, 0.0,
-                )  # fmt: skip
+                    t_mono_ns=time.monotonic_ns(),
+                    p_enu_m=tuple(state["p_local_enu_m"]),
+                    v_enu_m_s=tuple(state["v_local_enu_m_s"]),
+                    yaw_enu_rad=state["yaw_enu_rad"],
+                    mode=state["mode"].upper(),
+                    armed=state["armed"],
+                    setpoints=0,
+                    setpoints_in_offboard=0,
+                    offboard_s=0.0,
+                )
                 out.sendto(truth.encode(now), flight.stage.scenario.truth_in)

@@ -58,6 +58,15 @@ def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    ("channel", "named"),
+    [(6, "is a 2.4 GHz channel"), (38, "is the centre of a wide channel"), (37, "is no 5 GHz channel")],
+)
+def test_only_channels_that_there_are_are_accepted(tmp_path: Path, channel: int, named: str) -> None:
+    text = errors_of(write(tmp_path, csi={"channel": channel}))
+    assert f"csi.channel: channel {channel} {named}" in text and "expected one of 36" in text
+
+
+@pytest.mark.parametrize(
     ("changes", "expected"),
     [
         ({"role": "plane"}, "role"),

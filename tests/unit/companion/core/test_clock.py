@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from companion.core.clock import NS_PER_S, ManualClock, Ticker
+import math
+
+from companion.core.clock import NS_PER_S, ManualClock, Ticker, age_s
 
 
 async def test_ticks_do_not_drift_and_a_stall_is_counted() -> None:
@@ -22,3 +24,8 @@ async def test_ticks_do_not_drift_and_a_stall_is_counted() -> None:
     assert times[4] == times[3] + 30_000_000  # its work ended past the deadline: late by that, but not by more
     assert times[5] == 15 * period_ns
     assert ticker.overruns == 9
+
+
+def test_what_never_was_is_infinitely_old() -> None:
+    assert age_s(None, 5) == math.inf
+    assert age_s(5 * NS_PER_S, 7 * NS_PER_S) == 2.0

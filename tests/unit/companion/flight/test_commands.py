@@ -12,7 +12,14 @@ from companion.core.messages import FlightMode, VehicleState
 from companion.flight.commands import FlightCommands
 
 _NOW_NS = 100 * NS_PER_S
-_FLYING = VehicleState(_NOW_NS, _NOW_NS, FlightMode.OFFBOARD, _NOW_NS, armed=True, in_air=True)
+_FLYING = VehicleState(
+    t_mono_ns=_NOW_NS,
+    heartbeat_mono_ns=_NOW_NS,
+    mode=FlightMode.OFFBOARD,
+    mode_mono_ns=_NOW_NS,
+    armed=True,
+    in_air=True,
+)
 _PLACED = replace(_FLYING, p_local_enu_m=(0.0, 0.0, 1.5), position_mono_ns=_NOW_NS)
 
 

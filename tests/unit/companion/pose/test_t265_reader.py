@@ -118,8 +118,13 @@ def test_a_recording_is_played_back(tmp_path: Path) -> None:
     with _service(tmp_path / "pose.sock") as got:
         done = _run(python, "companion.pose.t265_reader", "--socket", str(tmp_path / "pose.sock"), "--bag", str(bag))
     assert done.returncode == 0, done.stderr
-    assert len(got) == pytest.approx(60, abs=2)
-    assert got[5][1].position_m[1:] == (2.0, 3.0)
+    poses = [pose for _, pose in got if not math.isnan(pose.position_m[0])]
+    numbers = [round(1000 * pose.position_m[0]) for pose in poses]
+    # In real time, where the library passes over what it is late for: how many come is up to the machine.
+    assert len(numbers) > 15
+    assert numbers == sorted(set(numbers) & set(range(60)))
+    for number, pose in zip(numbers, poses, strict=True):
+        assert pose.position_m == pytest.approx((0.001 * number, 2.0, 3.0), abs=1e-6)
 
 
 def test_device_time_is_put_on_the_monotonic_clock_by_the_shortest_delay() -> None:

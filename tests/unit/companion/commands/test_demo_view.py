@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from rich.console import Console
 
+from companion.commands.demo_view import rows_table, summary_lines
 from companion.sim.demo_rows import DemoResult, Row
-from companion.sim.demo_view import rows_table, summary_lines
 
 ROW = Row(
     iteration=3,

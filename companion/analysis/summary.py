@@ -1,17 +1,14 @@
-"""What an analysis found, for people (tables) and for programs (plain JSON values)."""
+"""What an analysis found, summed up: lines for people, sums by set, plain JSON values for programs."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rich.table import Table
-from rich.text import Text
 
-from companion.analysis.evaluation import Figures
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, LinkResult, RunResult
 from companion.analysis.trajectories import PoseKind
 from companion.core.messages import Vector3
@@ -35,20 +32,6 @@ class SetSummary:
     share_below_10_deg: float | None
 
 
-def run_table(result: RunResult) -> Table:
-    """One row per transmitter."""
-    table = Table(
-        title=Text(f"{result.run.title}  ({result.kind}); azimuth from East, polar angle from Up"),
-        title_justify="left",
-        title_style="bold",
-    )
-    for name, justify in _COLUMNS:
-        table.add_column(name, justify=justify, no_wrap=name != "dropped")  # type: ignore[arg-type]
-    for link in result.links:
-        table.add_row(*map(Text, _cells(link)))  # as Text: names may hold brackets, which rich would take for markup
-    return table
-
-
 def problem_lines(result: RunResult) -> list[str]:
     """One line for each thing that is wrong with a run or its links."""
     lines = _run_problems(result)
@@ -59,10 +42,12 @@ def problem_lines(result: RunResult) -> list[str]:
 
 
 def note_lines(result: RunResult) -> list[str]:
-    """What was assumed."""
+    """What was used and assumed."""
+    lines = [] if result.trajectory is None else [f"trajectory {result.trajectory}, read as {result.layout}"]
+    lines += [f"trajectory of {link.name}: {link.trajectory}" for link in result.links if link.trajectory is not None]
     if result.kind is not PoseKind.ODOM or result.lever_m == NO_LEVER:
-        return []
-    return [lever_line(result.lever_m)]
+        return lines
+    return [*lines, lever_line(result.lever_m)]
 
 
 def lever_line(lever_m: Vector3) -> str:
@@ -78,19 +63,6 @@ def summarise(results: Sequence[RunResult]) -> list[SetSummary]:
     for result in results:
         groups[result.run.set_name] += result.links
     return [_summary(name, links) for name, links in sorted(groups.items()) if any(link.truth for link in links)]
-
-
-def summary_table(summaries: Sequence[SetSummary]) -> Table:
-    """Median, mean and share below 10 degrees of |azimuth error| by set."""
-    table = Table(title="|azimuth error| by set", title_justify="left", title_style="bold")
-    for column in ("set", "links", "median", "mean", "below 10°"):
-        table.add_column(column, justify="left" if column == "set" else "right")
-    for row in summaries:
-        count = str(row.links) if row.links == row.of_links else f"{row.links} of {row.of_links}"
-        share = "-" if row.share_below_10_deg is None else f"{row.share_below_10_deg:.0%}"
-        angles = ("-" if angle is None else f"{angle:.1f}°" for angle in (row.median_deg, row.mean_deg))
-        table.add_row(Text(row.name), count, *angles, share)
-    return table
 
 
 def as_json(results: Sequence[RunResult]) -> Json:
@@ -112,20 +84,6 @@ def as_json(results: Sequence[RunResult]) -> Json:
     }
 
 
-_COLUMNS = (
-    ("tx", "left"),
-    ("azimuth", "right"),
-    ("polar", "right"),
-    ("true az.", "right"),
-    ("true polar", "right"),
-    ("az. error", "right"),
-    ("3D error", "right"),
-    ("packets", "right"),
-    ("dropped", "left"),
-    ("reliability", "right"),
-)
-
-
 def _summary(name: str, links: Sequence[LinkResult]) -> SetSummary:
     known = [link for link in links if link.truth is not None or link.estimate is None]
     errors = np.degrees([abs(link.azimuth_error_rad) for link in links if link.azimuth_error_rad is not None])
@@ -135,26 +93,14 @@ def _summary(name: str, links: Sequence[LinkResult]) -> SetSummary:
     return SetSummary(name, len(errors), len(known), float(np.median(errors)), float(np.mean(errors)), share)
 
 
-def _cells(link: LinkResult) -> Iterator[str]:
-    estimate, truth = link.estimate, link.truth
-    yield link.name
-    yield _degrees(estimate.azimuth_rad if estimate and estimate.azimuth_observable else None)
-    yield _degrees(estimate.polar_rad if estimate and estimate.polar_observable else None)
-    yield _degrees(truth.azimuth_rad if truth else None)
-    yield _degrees(truth.polar_rad if truth else None)
-    yield _degrees(link.azimuth_error_rad, signed=True)
-    yield _degrees(link.great_circle_error_rad)
-    yield f"{link.used}/{link.packets}"
-    yield ", ".join(f"{count} {reason}" for reason, count in link.dropped.items()) or "none"
-    yield f"{estimate.reliability:.2f}" if estimate else "-"
-
-
 def _run_json(result: RunResult) -> Json:
     return {
         "run": result.run.stamp,
         "set": result.run.set_name,
         "folder": str(result.run.folder),
         "poses": result.kind,
+        "trajectory": None if result.trajectory is None else str(result.trajectory),
+        "trajectory_layout": result.layout or None,
         "lever_m": list(result.lever_m),
         "problems": _run_problems(result),
         "links": [_link_json(link) for link in result.links],
@@ -169,6 +115,7 @@ def _link_json(link: LinkResult) -> Json:
     values: Json = {
         "tx": link.name,
         "mac": link.mac,
+        "trajectory": None if link.trajectory is None else str(link.trajectory),
         "problem": link.problem,
         "notes": list(link.notes),
         "packets": link.packets,
@@ -225,12 +172,6 @@ def _link_json(link: LinkResult) -> Json:
     }
 
 
-def _degrees(angle_rad: float | None, signed: bool = False) -> str:
-    if angle_rad is None:
-        return "-"
-    return f"{math.degrees(angle_rad):{'+' if signed else ''}.1f}°"
-
-
 def _deg(angle_rad: float | None) -> float | None:
     return None if angle_rad is None else math.degrees(angle_rad)
 
@@ -241,16 +182,3 @@ def _elevation_deg(polar_rad: float | None) -> float | None:
 
 def _number(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def figures_table(title: str, figures: Mapping[str, Figures], of: Mapping[str, Figures] | None = None) -> Table:
-    """One row for each set. With `of`, the links kept are shown as a share of those."""
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("set")
-    for heading in ("links", "median", "mean", "90th pct", "below 10°"):
-        table.add_column(heading, justify="right")
-    for name, row in figures.items():
-        angles = (f"{row.median_deg:.2f}°", f"{row.mean_deg:.2f}°", f"{row.p90_deg:.1f}°")
-        links = str(row.n) if of is None else f"{row.n} of {of[name].n}"
-        table.add_row(Text(name), links, *angles, f"{row.within_10:.0%}")
-    return table

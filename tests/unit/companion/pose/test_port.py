@@ -25,11 +25,10 @@ from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
 from companion.pose import wire
 from companion.pose.autopilot import AutopilotPoses
-from companion.pose.intake import PoseIntake
 from companion.pose.natnet import NatNetPoses
 from companion.pose.opening import open_poses
 from companion.pose.port import Poses
-from companion.pose.recording import RecordedPoses
+from companion.pose.recording import FilePoses
 from companion.pose.source import PoseSource
 from tests.paths import CONFIGS
 from wsr.geometry import rotate
@@ -158,7 +157,7 @@ async def _natnet(folder: Path) -> AsyncIterator[Driven]:
 async def _recorded(folder: Path, line: Callable[[float, Vector3], str], name: str) -> AsyncIterator[Driven]:
     path, got = folder / name, list[Pose]()
     path.write_text("# t and pose\n" + "".join(line(_wait_s(i), p) for i, p in enumerate(_WAY)))
-    yield Driven(RecordedPoses(path, _CLOCK, got.append), lambda index, p: None, got)
+    yield Driven(FilePoses(path, _CLOCK, got.append), lambda index, p: None, got)
 
 
 def _tum(folder: Path) -> contextlib.AbstractAsyncContextManager[Driven]:
@@ -275,44 +274,43 @@ def test_a_server_older_than_2_6_is_not_understood(tmp_path: Path) -> None:
 async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> None:
     """As the motion capture of the WSR data sets is; each row ends in a comma."""
     path, got = tmp_path / "rx_trajectory.csv", list[Pose]()
-    path.write_text("".join(f"1000,{index * 10**7},{index},2,0.2,\n" for index in range(3)))
-    source = RecordedPoses(path, _CLOCK, got.append)
+    path.write_text("".join(f"1000,{index * 10**7},{index / 10},2,0.2,\n" for index in range(3)))
+    source = FilePoses(path, _CLOCK, got.append)
     await source.run()
-    assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (1, 2, 0.2), (2, 2, 0.2)]
+    assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (0.1, 2, 0.2), (0.2, 2, 0.2)]
     assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
     config = load_config(CONFIGS / "demo-uav.yaml")
     recorded = replace(config, pose=replace(config.pose, source="recording", recording=str(path)))
-    intake = PoseIntake(recorded.pose, _CLOCK, got.append)
     with pytest.raises(CompanionError, match=r"has no attitudes, .* pose.antenna_m .*; expected \[0, 0, 0\]"):
-        open_poses(recorded, _CLOCK, intake)
-    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, intake).close()
+        open_poses(recorded, _CLOCK, got.append)
+    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, got.append).close()
 
 
 async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path: Path) -> None:
     path, got = tmp_path / "way.tum", list[Pose]()
     times = [1000 + 0.001 * index for index in range(40)]
     times[7] = 999.0
-    path.write_text("".join(f"{t_s} {index} 0 0 0 0 0 1\n" for index, t_s in enumerate(times)))
-    await RecordedPoses(path, _CLOCK, got.append).run()
-    assert [pose.p_enu_m[0] for pose in got] == [index for index in range(40) if index != 7]
+    path.write_text("".join(f"{t_s} {index / 100} 0 0 0 0 0 1\n" for index, t_s in enumerate(times)))
+    await FilePoses(path, _CLOCK, got.append).run()
+    assert [pose.p_enu_m[0] for pose in got] == [index / 100 for index in range(40) if index != 7]
 
 
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("1 2 3\n", "line 1: expected 8 finite numbers"),
-        ("# only\n", "0 poses"),
-        ("1 0 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n", "line 2: expected 8 finite"),
-        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "pose 2 is older"),
-        ("1,2,3,4\n", "line 1: expected 9 finite"),
-        ("1,0,0,0,0\n2,0,0,0\n", "line 2: expected 5 finite"),
-        ("1,0,0,0,0,0,0,0,1\n2,0,0,0,0\n", "line 2: expected 9 finite"),
+        ("1 2 3\n", "line 1 has 3 columns"),
+        ("# only\n", "empty file"),
+        ("1 0 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n", "no finite poses in 2 rows"),
+        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2 is stamped before"),
+        ("1,2,3,4\n", "line 1 has 4 columns"),
+        ("1,0,0,0,0\n2,0,0,0\n", "line 2 has 4 columns, expected 5"),
+        ("1,0,0,0,0,0,0,0,1\n2,0,0,0,0\n", "line 2 has 5 columns, expected 9"),
     ],
 )
 def test_a_bad_recording_is_one_clear_error(tmp_path: Path, text: str, named: str) -> None:
     path = tmp_path / "bad.tum"
     path.write_text(text)
     with pytest.raises(CompanionError, match=named):
-        RecordedPoses(path, _CLOCK, lambda _: None)
-    with pytest.raises(CompanionError, match="cannot be read"):
-        RecordedPoses(tmp_path / "missing", _CLOCK, lambda _: None)
+        FilePoses(path, _CLOCK, lambda _: None)
+    with pytest.raises(CompanionError, match="No such file"):
+        FilePoses(tmp_path / "missing", _CLOCK, lambda _: None)

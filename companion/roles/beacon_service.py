@@ -1,0 +1,34 @@
+"""Role beacon on a robot: its tasks, and what it answers on the control socket."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Any
+
+from companion.config.schema import Config
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.host.control_socket import ControlServer
+from companion.host.notify import feed_watchdog, notify
+from companion.roles.beacon import Beacon
+from companion.roles.inputs import LiveInputs
+from companion.roles.node import Node
+
+
+async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder) -> None:
+    """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
+    node = Node(config, clock, recorder, LiveInputs(config))
+    node.samples.connect(Beacon(node.sender).add_sample)
+    control = ControlServer(config.path(config.control_socket), lambda command: _answer(node, command))
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(node.run(), name="node")
+        tasks.create_task(control.run(), name="control")
+        tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+        notify("READY=1")
+
+
+async def _answer(node: Node, command: str) -> dict[str, Any]:
+    if command != "status":
+        return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
+    return {"ok": True, "state": "beacon", "health": asdict(node.health())}
