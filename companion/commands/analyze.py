@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis.bearings import analyze_run
@@ -19,10 +17,10 @@ from companion.analysis.summary import as_json, note_lines, problem_lines, summa
 from companion.analysis.trajectories import PoseKind
 from companion.commands.channel_option import known_channel
 from companion.commands.moving_ends import moving_ends, with_moving_ends
-from companion.commands.output_files import check_writable, write_whole
+from companion.commands.output_files import check_writable, write_json
 from companion.commands.recordings import chosen_runs, draw_profiles, lever_option, macs_by_name, run_options
 from companion.commands.tables import run_table, summary_table
-from companion.commands.terminal import wide_console
+from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -105,13 +103,13 @@ def analyze(
         results.append(result)
     _report(results, console)
     if json_path is not None:
-        write_whole(json_path, (json.dumps(as_json(results), indent=2, allow_nan=False) + "\n").encode())
+        write_json(json_path, as_json(results))
     _check(results)
 
 
 def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
     """The runs, with a progress bar on a terminal as soon as it has taken longer than a second."""
-    progress = Progress(console=Console(stderr=True), transient=True)
+    progress = Progress(*bar_columns(), console=Console(stderr=True), transient=True)
     task = progress.add_task("analysing", total=len(runs))
     start = time.monotonic()
     try:

@@ -59,7 +59,11 @@ def status(socket_path: Path, as_json: bool) -> None:
     for key, value in answer.items():
         if not isinstance(value, dict) and key != "ok":
             click.echo(f"{key:>20}  {value}")
-    for label, text in radio_lines(health):
+    try:
+        lines = list(radio_lines(health))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise CompanionError(f"{socket_path}: of another version ({error!r}); --json shows all") from None
+    for label, text in lines:
         click.echo(f"{label:>20}  {text}")
 
 
@@ -75,6 +79,8 @@ def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "link" in health:
         strangers = {key: health["link"][key] for key in ("unknown_sender", "malformed", "version")}
         yield "strangers", ", ".join(f"{count} {_words(key)}" for key, count in strangers.items())
+    if health.get("network_problem"):
+        yield "robots' network", f"{health['network_problem']}; {health['link']['unsent']} datagrams not sent"
     for name, rate in health.get("interfaces", {}).items():
         yield f"sent at {name}", f"{rate / 1000:.1f} KB/s"
     for pair in health.get("lookalikes", ()):

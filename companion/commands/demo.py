@@ -9,10 +9,9 @@ from pathlib import Path
 import click
 import msgspec
 import numpy as np
-from rich.console import Console
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
-from companion.commands.terminal import wide_console
+from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise

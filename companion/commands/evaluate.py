@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis.evaluation import MIN_RANKED, Evaluation, RunRows, Trust, evaluate_run, evaluation
@@ -17,10 +16,10 @@ from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
 from companion.analysis.summary import lever_line
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, json_bytes, write_whole, writing
+from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.recordings import lever_option
 from companion.commands.tables import figures_table
-from companion.commands.terminal import wide_console
+from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -85,7 +84,7 @@ def evaluate(
     result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
     _print(result, console)
     if json_path is not None:
-        write_whole(json_path, json_bytes(result))
+        write_json(json_path, result)
     if out is not None:
         with writing(out):
             _draw(result, out, console)
@@ -95,7 +94,7 @@ def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]
     """All runs, shared out to processes. The order in which they end does not show in the result."""
     done: list[RunRows] = []
     with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
+        Progress(*bar_columns(), console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(max_workers=min(jobs, len(runs))) as pool,
     ):
         task = progress.add_task("evaluating", total=len(runs))

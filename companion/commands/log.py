@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from companion.commands.channel_option import known_channel
 from companion.commands.moving_ends import moving_ends, with_moving_ends
-from companion.commands.output_files import writing
+from companion.commands.output_files import check_writable, new_folder, write_json, writing
 from companion.commands.progress import tracked_bytes
 from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
-from companion.commands.terminal import wide_console
+from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
@@ -37,12 +35,13 @@ def info(paths: tuple[Path, ...], json_path: Path | None) -> None:
     """What a log holds; also of one that was cut off."""
     console = wide_console(_WIDTH)
     infos = []
+    check_writable(json_path)
     for path in paths:
         with tracked_bytes(f"reading {path.name}") as progress:
             infos.append(inspect(path, progress))
         _show(infos[-1], console)
     if json_path is not None:
-        _write_json(json_path, [_info_json(one) for one in infos])
+        write_json(json_path, [_info_json(one) for one in infos])
 
 
 @log.command()
@@ -52,12 +51,15 @@ def repair(path: Path, out: Path | None) -> None:
     """Save what can be read of a log that was cut off, as a whole one. LOG itself is left as it is."""
     from companion.log.repair import repair as save
 
-    target = out or path.with_suffix(f".repaired{path.suffix}")
+    target = out or path.with_name(f"{path.stem}.repaired{path.suffix}")
     with tracked_bytes("repairing") as progress:
         saved = save(path, target, progress)
     click.echo(f"{target}: {saved.messages} messages" + (" (it was whole already)" if saved.was_whole else ""))
     if saved.damaged:
-        click.echo(f"{saved.damaged} damaged places left out: a replay of it will differ from there on", err=True)
+        lost = f"{saved.damaged} damaged places left out, {saved.lost_bytes / 1e3:.1f} kB of the file"
+        click.echo(f"{lost}: a replay of it will differ from there on", err=True)
+    if not saved.is_replayable:
+        click.echo("its configuration and its clock are lost: it cannot be replayed", err=True)
 
 
 @log.command()
@@ -68,14 +70,11 @@ def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
     """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
     from companion.analysis.imported import export as write
     from companion.log.export import FORMATS
-    from companion.log.reader import open_session
+    from companion.log.reader import open_session, understood
 
     session = open_session(path)
-    try:
-        with tracked_bytes("exporting") as progress:
-            written = write(session, formats or FORMATS, out, progress)
-    except OSError as error:
-        raise CompanionError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+    with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
+        written = write(session, formats or FORMATS, out, progress)
     if not written:
         raise CompanionError(f"{path}: holds nothing that {', '.join(formats or FORMATS)} could show")
     click.echo("written: " + ", ".join(map(str, written)))
@@ -89,10 +88,11 @@ def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
 def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) -> None:
     """Logs of one flight as one, on the time of the first: of beacons, of a simulator's truth, of PX4."""
     from companion.log.merge import merge as join
+    from companion.log.reader import understood
 
     if not others and ulg is None:
         raise click.UsageError("one log alone needs no merging: give others, or --ulg")
-    with tracked_bytes("merging") as progress:
+    with understood(first), tracked_bytes("merging") as progress:
         joined = join(first, others, ulg, out, progress)
     for one in joined:
         click.echo(f"{one.path}: {one.offset_s:+.4f} s, {one.how}; topics {one.prefix or 'as they are'}")
@@ -132,8 +132,7 @@ def import_(
     failed = []
     begun = time.monotonic()
     with tracked_bytes("importing") as progress:
-        with writing(out):
-            out.mkdir(parents=True, exist_ok=True)
+        check_writable(None, out)
         for number, one in enumerate(runs):
             target = out / f"{one.set_name}_{one.folder.resolve().name}_{one.stamp}.mcap"
             try:
@@ -182,10 +181,3 @@ def _info_json(one: LogInfo) -> dict[str, object]:
         "metadata": dict(one.metadata),
         "topics": [asdict(topic) | {"rate_hz": topic.rate_hz} for topic in one.topics],
     }
-
-
-def _write_json(path: Path, content: object) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n")
-    except OSError as error:
-        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None

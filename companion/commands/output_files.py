@@ -12,7 +12,7 @@ import msgspec
 
 from companion.analysis.runs import printable
 from companion.errors import CompanionError
-from companion.host.whole_file import whole_file
+from companion.host.whole_file import write_whole
 
 
 def check_writable(file: Path | None, folder: Path | None = None) -> None:
@@ -31,9 +31,18 @@ def check_writable(file: Path | None, folder: Path | None = None) -> None:
             tempfile.TemporaryFile(dir=folder).close()
 
 
-def json_bytes(value: object) -> bytes:
-    """Indented JSON of a dataclass; names of files that are no UTF-8 as they are printed."""
-    return msgspec.json.format(msgspec.json.encode(_printable(msgspec.to_builtins(value))), indent=2)
+def write_json(path: Path, content: object) -> None:
+    """Dataclasses or plain values, indented, as a whole or not at all. Raises CompanionError.
+
+    What is no number is null, and names of files that are no UTF-8 are as they are printed.
+    """
+    plain = _printable(msgspec.to_builtins(content, enc_hook=_plain))
+    with writing(path):
+        write_whole(path, msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def _plain(value: object) -> object:
+    return float(value) if isinstance(value, float) else str(value)
 
 
 def _printable(value: Any) -> Any:
@@ -44,10 +53,16 @@ def _printable(value: Any) -> Any:
     return [_printable(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """The file is there whole or as it was. Raises CompanionError."""
-    with writing(path), whole_file(path) as file:
-        file.write(content)
+@contextmanager
+def new_folder(folder: Path) -> Iterator[None]:
+    """A folder that nothing came into, because the work failed, is not left behind."""
+    is_new = not folder.exists()
+    try:
+        yield
+    except CompanionError:
+        if is_new and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
 
 
 @contextmanager
@@ -56,4 +71,4 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
+        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror or error}") from None

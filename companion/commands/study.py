@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Table
 
 from companion.commands.output_files import check_writable, writing
-from companion.commands.terminal import wide_console
+from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.study.catalogue import MODULES
 from companion.study.catalogue import study as load_study

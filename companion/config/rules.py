@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from companion.config.places import lever_errors, path_errors
 from companion.config.schema import Config
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
@@ -119,6 +120,8 @@ def _autopilot(config: Config) -> Iterator[str]:
 
 
 _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
+    path_errors,
+    lever_errors,
     _role,
     _pose,
     _peers,

@@ -19,9 +19,22 @@ WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
-Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
+Mac = Annotated[
+    str,
+    Meta(
+        pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$",
+        description="six pairs of hexadecimal digits with colons between them, for example 00:21:6A:3F:17:5A",
+    ),
+]
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
-Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
+_OCTET = r"(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
+Ipv4 = Annotated[
+    str,
+    Meta(
+        pattern=rf"^({_OCTET}\.){{3}}{_OCTET}$",
+        description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
+    ),
+]
 Metres3 = tuple[float, float, float]
 
 

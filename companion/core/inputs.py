@@ -119,3 +119,5 @@ class Surroundings:
     recorder_failed: bool
     free_mib: float
     """On the log's disk."""
+    network_problem: str = ""
+    """Why robots cannot be heard or reached."""

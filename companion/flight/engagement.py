@@ -44,11 +44,13 @@ class Engagement:
         sar: SarIterations,
         recorder: Recorder,
         look: Callable[[], Surroundings] | None = None,
+        network_problem: Callable[[], str] = str,
     ) -> None:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
         self._clock = clock
+        self._network_problem = network_problem
         self._look = look or self._look_around
         self._seen: tuple[int, Surroundings] | None = None
         self._intake = intake
@@ -112,6 +114,7 @@ class Engagement:
             aoa_ready=self._sar.is_ready,
             recorder_failed=around.recorder_failed,
             free_mib=around.free_mib,
+            network_problem=around.network_problem,
         )
 
     def _surroundings(self) -> Surroundings:
@@ -131,6 +134,7 @@ class Engagement:
             bad_signatures=self._target.refused.bad_key,
             recorder_failed=self._recorder.failed,
             free_mib=_free_mib(self._config.path(self._config.recorder.path).parent),
+            network_problem=self._network_problem(),
         )
 
     def _age_s(self, t_ns: int | None) -> float:

@@ -59,6 +59,7 @@ class Flight:
         recorder: Recorder,
         make_commands: MakeCommands = FlightCommands,
         look: Callable[[], Surroundings] | None = None,
+        network_problem: Callable[[], str] = str,
     ) -> None:
         """A replay runs no commands and gives a `look` of its own at what was around."""
         assert config.autopilot is not None
@@ -78,7 +79,9 @@ class Flight:
         self._course = Course(clock, recorder)
         self.knowledge = Knowledge(config.aperture, clock, recorder, neighbours, config.target, sar, self._course)
         self._targets = self.knowledge.targets
-        self._engagement = Engagement(config, clock, intake, self.knowledge, self._autopilot, sar, recorder, look)
+        self._engagement = Engagement(
+            config, clock, intake, self.knowledge, self._autopilot, sar, recorder, look, network_problem
+        )
         channel = config.autopilot.engage_rc_channel
         switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
         self.wishes = Wishes(clock, recorder, self._course, self._engagement, switch, self._commands.beside)

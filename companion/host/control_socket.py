@@ -70,7 +70,7 @@ class ControlServer:
             return {"ok": False, "error": f"user {uid} may not command this service"}
         try:
             command = json.loads(line)["command"]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             return {"ok": False, "error": 'expected one line like {"command": "status"}'}
         return await self._handler(str(command))
 
@@ -88,9 +88,10 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
         raise CompanionError(f"{path}: no service is running there") from None
     except PermissionError:
         raise CompanionError(f"{path}: permission denied; run as the service's user or root") from None
-    except (TimeoutError, ConnectionError, ValueError):
+    except (TimeoutError, ConnectionError, ValueError, RecursionError):
         raise CompanionError(f"{path}: the service does not answer") from None
     except OSError as error:
         raise CompanionError(f"{path}: cannot reach a control socket there: {error.strerror or error}") from None
-    assert isinstance(answer, dict)
+    if not isinstance(answer, dict):
+        raise CompanionError(f"{path}: what answers there is no service of this program")
     return answer

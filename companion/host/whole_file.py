@@ -1,8 +1,8 @@
-"""A file that is there whole or not at all, whatever ends the writing of it."""
+"""A file that is there as a whole or not at all, whatever ends the writing of it."""
 
 from __future__ import annotations
 
-import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,16 +11,27 @@ from typing import BinaryIO
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Writes beside `path` and takes its place at the end; a device or pipe is written as it is. Raises OSError."""
-    if path.exists() and not path.is_file():
-        with path.open("wb") as file:
+    """Written beside `path` and put there at the end; what was there stays until then, and stays if writing fails.
+
+    A device or a pipe is written to directly. Raises OSError.
+    """
+    target = path.resolve()
+    if target.exists() and not target.is_file():
+        with target.open("wb") as file:
             yield file
         return
-    target = path.resolve()
-    part = target.with_name(f".{os.getpid()}.{target.name[:100]}.part")
+    part = target.with_name(f".{secrets.token_hex(8)}.part")
     try:
-        with part.open("wb") as file:
+        with part.open("xb") as file:
             yield file
+        if target.exists():
+            part.chmod(target.stat().st_mode & 0o777)
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Raises OSError. A name that is not UTF-8 is written escaped."""
+    with whole_file(path) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))

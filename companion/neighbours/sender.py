@@ -103,6 +103,10 @@ class NeighbourSender:
                 self._allowance -= len(data) + wire.FRAME_BYTES
         return made
 
+    def note_unsent(self, data: bytes) -> None:
+        """A datagram that the network did not take was not sent."""
+        self.sent_bytes -= len(data) + wire.FRAME_BYTES
+
     def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
         """With as many of the channels, evenly, as the budget has room for."""
         t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())

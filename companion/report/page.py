@@ -88,6 +88,8 @@ def _flight_facts(content: FlightContent) -> list[tuple[str, str]]:
         ("last state", content.states[-1][1] if content.states else "idle"),
         ("messages dropped while recording", str(dropped)),
     ]
+    if content.left_out:
+        facts.append(("left out", f"{content.left_out} messages of another time, of a clock that was not set"))
     return facts if content.is_whole else [*facts, ("file", "cut off: what stands before the cut is shown")]
 
 

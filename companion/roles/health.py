@@ -25,3 +25,5 @@ class Health:
     lookalikes: tuple[tuple[str, str], ...] = ()
     """Pairs of neighbours whose profiles cannot be told apart."""
     card_clock: dict[str, float] = field(default_factory=dict)
+    network_problem: str = ""
+    """Why robots cannot be heard or reached; empty while they can."""

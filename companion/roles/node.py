@@ -89,11 +89,11 @@ class Node:
         loop = asyncio.get_running_loop()
         self._link = link = Link(self.config)
         readers: list[tuple[int, Callable[[], None]]] = [
-            (link.fileno(), self._drain_link),
             (self._source.fileno(), self.take_csi),
         ]
         if self._pinger is not None:
             readers += [(self._pinger.fileno(), self._pinger.drain)]
+        link.attach(loop, self._drain_link)
         for fileno, drain in readers:
             loop.add_reader(fileno, drain)
         try:
@@ -170,14 +170,21 @@ class Node:
             interfaces=self._traffic.bytes_per_s(now_ns),
             lookalikes=self.lookalikes.pairs(),
             card_clock={"resets": self.radio.nic_clock.resets, "span_s": self.radio.nic_clock.span_s},
+            network_problem=self.network_problem(),
         )
+
+    def network_problem(self) -> str:
+        """Why robots cannot be heard or reached; empty while they can."""
+        return "" if self._link is None else self._link.problem
 
     async def _broadcast(self, link: Link) -> None:
         period_ns = round(NS_PER_S / self.config.neighbours.rate_hz)
         while True:
             await self.clock.sleep_until_ns(self.clock.now_ns() + period_ns)
+            link.watch(self.clock.now_ns())
             for datagram in self.sender.datagrams(self.clock.now_ns()):
-                link.send(datagram)
+                if not link.send(datagram):
+                    self.sender.note_unsent(datagram)
 
     async def _report_health(self) -> None:
         while True:

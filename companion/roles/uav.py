@@ -70,6 +70,7 @@ class Uav:
             recorder=recorder,
             make_commands=make_commands,
             look=look,
+            network_problem=node.network_problem,
         )
         forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
         node.samples.connect(window.add_sample, self.flight.knowledge.heard)

@@ -120,6 +120,7 @@ class Readiness:
     aoa_ready: bool
     recorder_failed: bool
     free_mib: float
+    network_problem: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +155,7 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         f"no fresh poses: {now.pose_problem}": bool(now.pose_problem),
         now.north_problem: bool(now.north_problem),
         f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
+        f"the robots' network: {now.network_problem}": bool(now.network_problem),
         "no packets of the target": now.packet_age_s > limits.silent_s,
         # Nothing can be related before packets and datagrams come, and that is said already.
         now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,

@@ -40,7 +40,7 @@ def test_what_cannot_be_replayed_says_why(companion: Run, tmp_path: Path) -> Non
     (tmp_path / "cut.mcap").write_bytes(FLIGHT.read_bytes()[:100])
     code, _, err = companion("report", tmp_path / "cut.mcap")
     assert code == 1
-    assert "cut off or damaged in its first bytes" in err
+    assert "cut off or damaged: its metadata" in err
     code, _, err = companion("replay", FLIGHT, "--speed", "-2")
     assert code == 2
     assert "positive factor" in err

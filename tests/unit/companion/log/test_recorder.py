@@ -40,7 +40,7 @@ from companion.core.streams import (
     VEHICLE,
     Stream,
 )
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.guidance.tracker import Target, TargetReport
 from companion.log.foxglove import power_of
 from companion.log.lines import LogLine
@@ -103,7 +103,7 @@ def one_of_each(path: Path) -> None:
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "log.mcap"
+    path = tmp_path / "log.mcap"
     recorder = write(path, 500)
     assert (recorder.written, recorder.dropped, recorder.failures) == (1000, 0, 0)
     messages = read_log(path, {SETPOINT.topic, CSI.topic})
@@ -357,3 +357,18 @@ def _is_whole(path: Path) -> bool:
     for _ in scan:
         pass
     return scan.is_whole
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
+)
+def test_a_place_that_cannot_be_meant_is_refused(tmp_path: Path, name: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"recorder.path .*{said}"):
+        write(tmp_path / name, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_services_own_directory_is_made(tmp_path: Path) -> None:
+    own = dataclasses.replace(CONFIG, runtime_dir=str(tmp_path / "run" / "companion"))
+    write(own.path("log.mcap"), 1, own)
+    assert own.path("log.mcap").exists()
