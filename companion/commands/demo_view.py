@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from types import TracebackType
 
-from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from companion.commands.terminal import Console
 from companion.sim.demo import Watch
 from companion.sim.demo_rows import DemoResult, Row
 from wsr.geometry import angles, direction, great_circle

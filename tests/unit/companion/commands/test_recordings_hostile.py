@@ -105,7 +105,7 @@ def test_places_that_cannot_be_written_leave_nothing(
 def test_a_full_standard_output_is_one_line(run: RunFolder) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     command = [sys.executable, "-m", "companion", "analyze", str(run.folder), "--no-pictures"]
-    one_line(in_its_own_process(command, full), "standard output: No space left on device")
+    one_line(in_its_own_process(command, full), "No space left on device")
     os.close(full)
 
 
