@@ -105,6 +105,8 @@ class Vehicle:
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
 
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
+
     def take_events(self) -> list[AutopilotEvent]:
         return []
 

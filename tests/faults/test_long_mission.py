@@ -101,6 +101,8 @@ class _Autopilot:
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
 
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
+
     def take_events(self) -> list[AutopilotEvent]:
         return []
 
