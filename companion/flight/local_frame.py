@@ -34,7 +34,7 @@ class LocalFrame:
             self.ground_m += z
             self._stepped_ns = None
             delta_m = x, y, z
-        if not vehicle.in_air and vehicle.p_local_enu_m is not None:
+        if not vehicle.armed and not vehicle.in_air and vehicle.p_local_enu_m is not None:
             self.ground_m = vehicle.p_local_enu_m[2]
         return delta_m
 

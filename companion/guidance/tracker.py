@@ -8,6 +8,7 @@ and of nothing, by its reliability, so that one that disagrees with the others i
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from dataclasses import dataclass
