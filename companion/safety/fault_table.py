@@ -39,8 +39,8 @@ FAULTS: Final[dict[Event, Fault]] = {
     ),
     Event.STALLED: Fault(
         f"{STALLED_S:g} s",
-        "the gap between two ticks of the stream, at the first tick after it; or the vehicle's clock, if it leapt ahead "
-        "of ours (a suspended host), at its first message",
+        "the gap between two ticks of the stream, at the first tick after it; or the vehicle's clock, if it leapt "
+        "ahead of ours (a suspended host), at its first message",
         _PERSON,
     ),
     Event.LINK_LOST: Fault(

@@ -57,8 +57,8 @@ class Stage:
 
 
 def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True) -> Stage:
-    """Without `gps` the vehicle flies by the companion's poses. Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
-    have a limit). Logs go to `out`."""
+    """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
+    have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses."""
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
     claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
