@@ -34,6 +34,9 @@ class DelegatingAutopilot:
     def send_odometry(self, pose: Pose, reset_counter: int) -> None:
         self._autopilot.send_odometry(pose, reset_counter)
 
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
+        self._autopilot.set_origin(latitude_deg, longitude_deg)
+
     def take_events(self) -> list[AutopilotEvent]:
         return self._autopilot.take_events()
 

@@ -8,8 +8,8 @@ from companion.core.messages import Setpoint
 
 
 class SilentAutopilot(DelegatingAutopilot):
-    """Another `Autopilot`, heard and never commanded: the second barrier behind the refusal to engage. Our poses go on:
-    the estimator's input is no command, and without it a pilot could not fly where there is no GPS."""
+    """Another `Autopilot`, heard and never commanded: the second barrier behind the refusal to engage. Our poses
+    and their origin go on: the estimator's input is no command, and without it a pilot could not fly without GPS."""
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
         raise _refused("a set point")

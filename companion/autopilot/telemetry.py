@@ -40,6 +40,8 @@ _ESTIMATED = 1 | 2 | 4
 """ESTIMATOR_STATUS_FLAGS: attitude, horizontal and vertical velocity; all of them are needed,"""
 _POSITION_ESTIMATED = 8 | 16
 """relative or absolute horizontal position; one of them is needed,"""
+_GLOBAL_POSITION = 16
+"""Absolute horizontal position: without GPS PX4 has it once it was given an origin."""
 _AIDED = 256 | 512
 """and something that measures it now (PX4 uses its two predictions for that); one of them is needed,"""
 _ACCELEROMETER_ERROR = 2048
@@ -226,7 +228,12 @@ class Telemetry:
         return {}
 
     def _estimator(self, fields: Fields, now_ns: int) -> Fields:
-        return {"estimator_mono_ns": now_ns, "estimator_healthy": is_healthy(int(fields["flags"]), self._state.in_air)}
+        flags = int(fields["flags"])
+        return {
+            "estimator_mono_ns": now_ns,
+            "estimator_healthy": is_healthy(flags, self._state.in_air),
+            "position_is_global": bool(flags & _GLOBAL_POSITION),
+        }
 
     def _parameter(self, fields: Fields, now_ns: int) -> Fields:
         value = fields["param_value"]

@@ -34,8 +34,8 @@ def _ask(path: Path, command: str) -> dict[str, Any]:
 @_socket_option
 def engage(socket_path: Path) -> None:
     """Hand the vehicle to the companion: preflight, take off, approach."""
-    _ask(socket_path, "engage")
-    click.echo("engaged")
+    answer = _ask(socket_path, "engage")
+    click.echo(f"engaged: {answer['vehicle']}" if "vehicle" in answer else "engaged")
 
 
 @click.command()

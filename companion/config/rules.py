@@ -17,6 +17,8 @@ _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
 _MIN_VIO_HZ: Final = 20.0
 _POSES_PER_DATAGRAM: Final = 25
+_MAX_LOST_S: Final = 4.0
+"""PX4 takes its position for valid 4.6 s after the newest pose; the landing must have begun by then."""
 
 
 def config_errors(config: Config) -> list[str]:
@@ -114,6 +116,11 @@ def _autopilot(config: Config) -> Iterator[str]:
         yield (
             f"autopilot.forward_vio_hz: {autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "
             "autopilot.gps: false, or the estimator has no position"
+        )
+    if config.flies_by_poses and config.pose_lost_s > _MAX_LOST_S:
+        yield (
+            f"pose.lost_s: {config.pose_lost_s:g}; expected {_MAX_LOST_S:g} or less with autopilot.gps: false, since "
+            "PX4 lands blind 4.6 s after the last pose"
         )
     if config.mission.speed_m_s > config.gate.max_speed_m_s:
         yield "mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point"

@@ -35,6 +35,8 @@ Ipv4 = Annotated[
         description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
     ),
 ]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
 Metres3 = tuple[float, float, float]
 
 
@@ -93,8 +95,9 @@ class PoseConfig:
     min_confidence: Annotated[int, Meta(ge=1, le=3)] = 2
     """An aperture with poses below this tracker confidence (T265: 1 low, 2 medium, 3 high) is dropped."""
     min_rate_hz: Positive = 20.0
-    lost_s: Positive = 8.0
-    """After so long without poses the vehicle lands. A T265 needs up to 7 s to come back by itself."""
+    lost_s: Positive | None = None
+    """After so long without poses the vehicle lands; when absent 8 with GPS, 3 without. A T265 needs up to 7 s to come
+    back by itself; without GPS PX4 flies on for no more than 4.6 s, and then lands blind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +176,9 @@ class AutopilotConfig:
     """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
     forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0
     """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more."""
+    origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
+    """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
+    place for its hold and return, and takes declination and strength of the magnetic field from it."""
     engage_rc_channel: Annotated[int, Meta(ge=1, le=18)] | None = None
     """RC channel of a switch that engages when it is moved up and aborts when it is moved down; absent for none."""
     engage_rc_above_us: Annotated[int, Meta(ge=1000, le=2000)] = 1700
@@ -267,6 +273,18 @@ class Config:
     mission: MissionConfig = field(default_factory=MissionConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     autopilot: AutopilotConfig | None = None
+
+    @property
+    def flies_by_poses(self) -> bool:
+        """Whether our poses are all that the autopilot's position is made of."""
+        return self.autopilot is not None and not self.autopilot.gps
+
+    @property
+    def pose_lost_s(self) -> float:
+        """After so long without poses the vehicle lands."""
+        if self.pose.lost_s is not None:
+            return self.pose.lost_s
+        return 3.0 if self.flies_by_poses else 8.0
 
     @property
     def target(self) -> int:

@@ -24,6 +24,8 @@ class Wish:
     refusal: str
     by_switch: bool = False
     """By the switch on the transmitter, not by a command."""
+    vehicle: str = ""
+    """Which one it was about: its system id, what it says it is, its firmware."""
 
 
 @dataclass(frozen=True, slots=True)

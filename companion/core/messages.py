@@ -87,6 +87,8 @@ class VehicleState:
     """When the estimator last told of itself."""
     estimator_healthy: bool = False
     """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS), which come now."""
+    position_is_global: bool | None = None
+    """Whether the estimator knows where on Earth it is, which hold and return need; None when it has not told."""
     timesync_mono_ns: int | None = None
     """When the autopilot last asked for our time (TIMESYNC)."""
     rc_mono_ns: int | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shutil
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
@@ -12,12 +13,15 @@ from companion.config.schema import Config
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings
-from companion.core.messages import FlightMode
+from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import SURROUNDINGS
 from companion.flight.knowledge import Knowledge
+from companion.flight.status import vehicle_name
 from companion.pose.intake import PoseIntake
+from companion.safety.gate import GateLimits
 from companion.safety.preflight import (
+    Heights,
     Readiness,
     ReadinessLimits,
     parameter_problems,
@@ -49,6 +53,9 @@ class Engagement:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
+        self._forwards = config.autopilot.forward_vio_hz > 0
+        self._fence = GateLimits(**asdict(config.gate))
+        self._heights = Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2])
         self._clock = clock
         self._network_problem = network_problem
         self._look = look or self._look_around
@@ -67,6 +74,11 @@ class Engagement:
         )
 
     @property
+    def vehicle(self) -> str:
+        """Which one would be engaged."""
+        return vehicle_name(self._autopilot.state())
+
+    @property
     def parameters_checked(self) -> bool:
         """Whether the autopilot's parameters were found as required a moment ago."""
         return self._surroundings().parameters_checked
@@ -82,7 +94,7 @@ class Engagement:
             return ["the autopilot's parameters were not read"]
         names = [requirement.name for requirement in required_parameters(self._gps)]
         values = dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
-        problems = list(parameter_problems(values, self._gps))
+        problems = list(parameter_problems(values, self._gps, self._heights))
         self._checked_ns = None if problems else self._clock.now_ns()
         return problems
 
@@ -101,10 +113,17 @@ class Engagement:
             has_position=vehicle.p_local_enu_m is not None and self._age_s(vehicle.position_mono_ns) < _POSITION_S,
             estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
             estimator_healthy=vehicle.estimator_healthy,
+            position_is_global=vehicle.position_is_global,
+            outside_fence=self._outside(vehicle),
             failsafe=vehicle.failsafe,
-            flown_in=str(vehicle.mode) if vehicle.in_air and vehicle.mode is not FlightMode.HOLD else "",
+            mode=vehicle.mode,
+            intended_mode=vehicle.intended_mode,
+            in_air=vehicle.in_air,
+            not_px4="" if vehicle.autopilot in ("", "px4") else vehicle.autopilot,
             timesync_age_s=self._age_s(vehicle.timesync_mono_ns),
+            time_known=vehicle.clock_offset_ns is not None or not self._forwards,
             battery=vehicle.battery_remaining,
+            batteries_unknown=vehicle.batteries_unknown,
             pose_problem=self._intake.problem(),
             north_problem=self._intake.north_problem(),
             datagram_age_s=self._knowledge.datagram_age_s(),
@@ -116,6 +135,12 @@ class Engagement:
             free_mib=around.free_mib,
             network_problem=around.network_problem,
         )
+
+    def _outside(self, vehicle: VehicleState) -> str:
+        p_m = vehicle.p_local_enu_m
+        if p_m is None or (self._fence.is_in_box(p_m) and self._fence.is_in_cylinder(p_m)):
+            return ""
+        return "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*p_m)
 
     def _surroundings(self) -> Surroundings:
         """The same for all of one event, and recorded with it."""

@@ -17,14 +17,16 @@ from companion.config.schema import Config
 from companion.core.clock import NS_PER_S, Ticker, age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import CommandOutcome, Event, Surroundings, Tick
-from companion.core.messages import FlightMode, Setpoint, VehicleState
+from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import AUTOPILOT_EVENT, COMMAND, END, GATE, OBSERVED, SETPOINT, TICK
 from companion.flight.commands import FlightCommands, MakeCommands
 from companion.flight.course import AT_REST, Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
+from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer, would_be_setpoint
+from companion.flight.origin import Origin
 from companion.flight.rc_switch import RcSwitch
 from companion.flight.records import GateReport, ObservedSetpoint
 from companion.flight.status import status
@@ -85,8 +87,12 @@ class Flight:
         channel = config.autopilot.engage_rc_channel
         switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
         self.wishes = Wishes(clock, recorder, self._course, self._engagement, switch, self._commands.beside)
+        self._origin = Origin(self._autopilot, config.autopilot)
+        self._frame = LocalFrame()
         self._streaming = False
         self._took_off = False
+        self._stood_still_ns = 0
+        """What the vehicle had told of our clock when it was engaged."""
         self._refusals: tuple[str, ...] = ()
         self._refused_ns: int | None = None
         self._tick_ns: int | None = None
@@ -148,6 +154,8 @@ class Flight:
             self._sar.add_local_position(vehicle.position_mono_ns, vehicle.p_local_enu_m)
         if vehicle.yaw_enu_rad is not None and self._age_s(vehicle.position_mono_ns) < 0.5:
             self._intake.add_heading(now_ns, vehicle.yaw_enu_rad)
+        self._follow_frame(vehicle, now_ns)
+        self._origin.tick(vehicle, now_ns)
         self._took_off |= self.state is State.TAKING_OFF and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
         self.wishes.watch_switch(vehicle)
         worst = self._course.worst(conditions(self.state, self._situation(vehicle, now_ns), self._limits))
@@ -172,6 +180,7 @@ class Flight:
             blind_legs=self.knowledge.blind_legs,
             tries=self.knowledge.tries,
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
+            stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             target_near=p_m is not None and self._targets.is_near(p_m, self._config.mission.arrival_range_m),
         )
 
@@ -191,14 +200,14 @@ class Flight:
         commands, config = self._commands, self._config.mission
         match action:
             case Action.RUN_PREFLIGHT:
-                self._took_off = vehicle.in_air
+                self._took_off, self._stood_still_ns = vehicle.in_air, vehicle.stood_still_ns
                 self.knowledge.begin_anew()
                 self._check_again()
             case Action.ARM_AND_TAKE_OFF:
                 commands.start(commands.take_off(config.takeoff_height_m), Event.AIRBORNE, Event.TAKEOFF_FAILED)
             case Action.STREAM_START:
                 assert vehicle.p_local_enu_m is not None
-                self._approach.start(vehicle.p_local_enu_m, vehicle.yaw_enu_rad or 0.0)
+                self._begin_path(vehicle.p_local_enu_m, vehicle)
                 self._streaming = True
             case Action.REQUEST_OFFBOARD:
                 commands.start(commands.enter_offboard(), Event.OFFBOARD_CONFIRMED, Event.OFFBOARD_REFUSED)
@@ -210,6 +219,8 @@ class Flight:
                 commands.start(commands.hold())
             case Action.LAND:
                 commands.start(commands.land())
+            case Action.LEAVE_ON_THE_GROUND:
+                commands.start(commands.leave_on_the_ground())
             case Action.LEAVE_AT_TARGET:
                 leave = {"hold": commands.hold, "land": commands.land, "return": commands.return_home}
                 commands.start(leave[config.leave]())
@@ -230,8 +241,10 @@ class Flight:
         if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
-        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places())
-        if verdict.reasons and (not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S):
+        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
+        if verdict.reasons and self._frame.is_stepping(now_ns):
+            pass  # the vehicle's frame was set anew, and it has not said yet by how much
+        elif verdict.reasons and (not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S):
             self._refused_ns = now_ns
             self._give_up_leg(verdict.reasons, vehicle)
         if verdict.reasons != self._refusals:
@@ -258,17 +271,30 @@ class Flight:
         self._sar.abandon()
         if (p_m := vehicle.p_local_enu_m) is None:
             return
-        self._approach.start(inside(p_m, self._gate.limits), vehicle.yaw_enu_rad or 0.0)
+        self._begin_path(inside(p_m, self._gate.limits), vehicle)
         if Reason.NEIGHBOUR in reasons and self._targets.is_nearest(p_m):
             self._course.report(Event.TARGET_REACHED)  # as near as anything may come to it
+
+    def _begin_path(self, p_m: Vector3, vehicle: VehicleState) -> None:
+        self._approach.start(p_m, vehicle.yaw_enu_rad or 0.0, self._frame.ground_m)
+
+    def _follow_frame(self, vehicle: VehicleState, now_ns: int) -> None:
+        """Where the vehicle set its local frame anew, all that is noted in it moves along; nothing else does."""
+        delta_m = self._frame.follow(vehicle, now_ns)
+        if delta_m is not None:
+            _log.warning("the vehicle set its position anew by %.2f, %.2f, %.2f m; the path moves along", *delta_m)
+            self._approach.shift(delta_m)
+            self.knowledge.targets.shift(delta_m)
+            self._sar.abandon()
 
     def _observe(self, vehicle: VehicleState, now_ns: int) -> None:
         self._observer.tick(now_ns)
         target = self._targets.target
         if target is None or vehicle.p_local_enu_m is None:
             return
-        wanted = would_be_setpoint(now_ns, vehicle.p_local_enu_m, target.azimuth_rad, self._config.mission)
-        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places())
+        height_m = self._frame.ground_m + self._config.mission.takeoff_height_m
+        wanted = would_be_setpoint(now_ns, vehicle.p_local_enu_m, target.azimuth_rad, self._config.mission, height_m)
+        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), self._frame.ground_m)
         self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 
     def _azimuth_rad(self, vehicle: VehicleState) -> float:
@@ -291,7 +317,7 @@ class Flight:
 def _condition_limits(config: Config) -> ConditionLimits:
     return ConditionLimits(
         pose_stale_s=config.pose.stale_s,
-        pose_lost_s=config.pose.lost_s,
+        pose_lost_s=config.pose_lost_s,
         silent_s=config.aperture.silent_s,
         blind_legs=config.aperture.blind_legs,
         min_battery=config.mission.min_battery,

@@ -55,11 +55,23 @@ def _bearing(iteration: Iteration | None) -> dict[str, Any] | None:
 
 def _vehicle(state: VehicleState) -> dict[str, Any]:
     return {
+        "system_id": state.system_id,
+        "autopilot": state.autopilot,
+        "firmware": state.firmware,
         "mode": state.mode,
+        "intended_mode": state.intended_mode,
         "armed": state.armed,
         "in_air": state.in_air,
         "p_local_enu_m": state.p_local_enu_m,
         "v_local_enu_m_s": state.v_local_enu_m_s,
         "yaw_enu_rad": state.yaw_enu_rad,
         "battery": state.battery_remaining,
+        "position_is_global": state.position_is_global,
     }
+
+
+def vehicle_name(state: VehicleState) -> str:
+    """Which vehicle this is: its system id, what it says it is, its firmware."""
+    if state.system_id is None:
+        return "no vehicle"
+    return " ".join(f"system {state.system_id}, {state.autopilot or 'unknown'} {state.firmware}".split())

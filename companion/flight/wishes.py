@@ -51,6 +51,11 @@ class Wishes:
         """To hand over the vehicle. Returns the whole list of what stands against it, or nothing."""
         return self.answer(Event.ENGAGE, await self._refusal())
 
+    @property
+    def vehicle(self) -> str:
+        """Which one the wishes are about."""
+        return self._engagement.vehicle
+
     def abort(self) -> None:
         """To end the flight."""
         self._aborts += 1
@@ -59,8 +64,9 @@ class Wishes:
     def answer(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
         """A wish has been answered: granted, if there is no refusal."""
         with self._clock.event() as now_ns:
-            self._recorder.record(WISH, now_ns, Wish(now_ns, wish, refusal, by_switch))
+            self._recorder.record(WISH, now_ns, Wish(now_ns, wish, refusal, by_switch, self._engagement.vehicle))
             if not refusal:
+                _log.info("%s: %s", wish, self._engagement.vehicle)
                 self._course.report(wish)
             elif by_switch:
                 self._course.explain(f"the switch did not engage: {refusal}")

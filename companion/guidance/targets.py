@@ -30,6 +30,12 @@ class Targets:
         self._trackers.clear()
         self._found.clear()
 
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
+        for peer, tracker in self._trackers.items():
+            tracker.shift(delta_enu_m)
+            self._found[peer] = tracker.target()
+
     def add(self, peer: int, bearing: Bearing) -> Target:
         """Takes a bearing; what is known of that robot now."""
         found = self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)

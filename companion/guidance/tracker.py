@@ -8,6 +8,7 @@ and of nothing, by its reliability, so that one that disagrees with the others i
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -88,6 +89,12 @@ class TargetTracker:
             self._bearings.clear()
         self._bearings.append(bearing)
         return self.target()
+
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """All places where bearings were taken are `delta_enu_m` elsewhere."""
+        for index, bearing in enumerate(self._bearings):
+            x, y, z = (p + d for p, d in zip(bearing.p_local_enu_m, delta_enu_m, strict=True))
+            self._bearings[index] = dataclasses.replace(bearing, p_local_enu_m=(x, y, z))
 
     def target(self) -> Target:
         """What all bearings together say. Raises IndexError without bearings. Takes some milliseconds."""

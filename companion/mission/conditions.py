@@ -55,6 +55,8 @@ class Situation:
     target_near: bool
     stream_gap_s: float
     """Since the stream's last tick; 0 while there is no stream."""
+    stood_still_s: float = 0.0
+    """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +90,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     )
     holds = {
         Event.LINK_LOST: link_lost,
-        Event.STALLED: situation.stream_gap_s > STALLED_S,
+        Event.STALLED: max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S,
         Event.MODE_LOST: in_flight
         and situation.took_off
         and vehicle.mode not in _expected_modes(state, situation, limits),

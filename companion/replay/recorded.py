@@ -152,6 +152,9 @@ class RecordedAutopilot:
     def send_odometry(self, pose: Pose, reset_counter: int) -> None:
         """Goes nowhere."""
 
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Goes nowhere."""
+
     def take_events(self) -> list[AutopilotEvent]:
         return []
 

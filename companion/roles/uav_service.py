@@ -55,7 +55,7 @@ async def _answer(uav: Uav, command: str) -> dict[str, Any]:
             return {"ok": True, **uav.flight.status(), "health": asdict(uav.node.health())}
         case "engage":
             refusal = await uav.flight.wishes.engage()
-            return {"ok": not refusal, "error": refusal}
+            return {"ok": not refusal, "error": refusal, "vehicle": uav.flight.wishes.vehicle}
         case "abort":
             uav.flight.wishes.abort()
             return {"ok": True, "error": ""}

@@ -38,7 +38,10 @@ FAULTS: Final[dict[Event, Fault]] = {
         _PERSON,
     ),
     Event.STALLED: Fault(
-        f"{STALLED_S:g} s", "the gap between two ticks of the stream, at the first tick after it", _PERSON
+        f"{STALLED_S:g} s",
+        "the gap between two ticks of the stream, at the first tick after it; or the vehicle's clock, if it leapt "
+        "ahead of ours (a suspended host), at its first message",
+        _PERSON,
     ),
     Event.LINK_LOST: Fault(
         f"{max(MODE_LOST_S, HEARTBEAT_LOST_S):g} s",

@@ -60,8 +60,11 @@ class DemoRun:
     stage: Stage
 
 
-async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None]) -> DemoRun:
-    """One rendezvous with everything real but the hardware. `out` is an existing directory.
+async def run_demo(
+    seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None], gps: bool = False
+) -> DemoRun:
+    """One rendezvous with everything real but the hardware; without `gps` the vehicle flies by the service's poses.
+    `out` is an existing directory.
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
@@ -69,7 +72,7 @@ async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[
     for old in (*logs, *(out / name for name in _PICTURES)):
         old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = set_stage(Path(name), out, seed)
+        stage = set_stage(Path(name), out, seed, gps=gps)
         with bind_datagram_socket(stage.truth_socket) as truth_socket:
             try:
                 async with Cast(stage, out) as cast:

@@ -25,8 +25,10 @@ from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
-_PX4_PARAMETERS: Final = ("--param", "COM_OBL_RC_ACT=5", "--param", "COM_RC_OVERRIDE=3")
+_PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=3")
 """What the preflight requires; PX4's own defaults are others."""
+_GPS_DENIED: Final = ("SYS_HAS_GPS=0", "EKF2_GPS_CTRL=0", "EKF2_HGT_REF=3", "EKF2_EV_CTRL=11")
+_VIO_HZ: Final = 50.0
 _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
@@ -54,9 +56,9 @@ class Stage:
         return self.uav.path(self.uav.control_socket)
 
 
-def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -> Stage:
+def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True) -> Stage:
     """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
-    have a limit). Logs go to `out`."""
+    have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses."""
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
     claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
@@ -65,7 +67,7 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
     uav = dataclasses.replace(
         _placed(uav, directory / "uav", transport, neighbour_port, out / "log.mcap", claims),
-        autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}"),
+        autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}", gps=gps, forward_vio_hz=0.0 if gps else _VIO_HZ),
     )
     beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
     uav_key, beacon_key = secrets.token_bytes(32), secrets.token_bytes(32)
@@ -104,7 +106,8 @@ class Cast:
         self._has_mock = has_mock
         self._stage = stage
         self._out = out
-        self._px4_options = (*_PX4_PARAMETERS, *px4_options)
+        parameters = (*_PX4_PARAMETERS, *(_GPS_DENIED if stage.uav.flies_by_poses else ()))
+        self._px4_options = (*(word for one in parameters for word in ("--param", one)), *px4_options)
         self._processes: dict[str, asyncio.subprocess.Process] = {}
 
     async def __aenter__(self) -> Cast:

@@ -29,7 +29,7 @@ from wsr.estimators import ESTIMATORS
 UAV_ID, BEACON_ID = 1, 2
 PARAMETERS = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
-    "EKF2_EV_CTRL": 0,
+    "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8,
 }  # fmt: skip
 """Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025
@@ -104,6 +104,8 @@ class Vehicle:
         self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.RETURN
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
 
     def take_events(self) -> list[AutopilotEvent]:
         return []

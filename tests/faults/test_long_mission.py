@@ -46,7 +46,7 @@ _MODES = {
     Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF,
     Mode.RTL: FlightMode.RETURN,
 }  # fmt: skip
-_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0}  # fmt: skip # noqa: E501
+_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8}  # fmt: skip # noqa: E501
 
 
 class _Clock(ManualClock):
@@ -100,6 +100,8 @@ class _Autopilot:
         self.commander.set_point(Demand(setpoint.p_local_enu_m, setpoint.v_local_enu_m_s), self._clock.now_ns())
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
 
     def take_events(self) -> list[AutopilotEvent]:
         return []

@@ -23,8 +23,8 @@ class VirtualVehicle:
     url = "virtual"
     system_id = 1
 
-    def __init__(self, delay_s: float = 0.002, **options: Any) -> None:
-        self.clock = ManualClock(6844 * NS_PER_S)
+    def __init__(self, delay_s: float = 0.002, clock: ManualClock | None = None, **options: Any) -> None:
+        self.clock = clock or ManualClock(6844 * NS_PER_S)
         self.px4 = Px4(self.clock.now_ns(), **options)
         self.edge = MavsdkAutopilot(self.url, self.clock)
         self.edge._link = self  # type: ignore[assignment]

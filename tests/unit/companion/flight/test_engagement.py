@@ -81,6 +81,7 @@ async def test_an_observing_service_cannot_command(name: str) -> None:
 def test_every_command_of_the_port_is_barred_or_harmless() -> None:
     """A method that is added to the port must be thought of here."""
     harmless = {"connect", "run", "problem", "aclose", "state", "take_events", "parameter", "send_odometry"}
+    harmless |= {"set_origin"}
     port = {name for name, _ in inspect.getmembers(Autopilot) if not name.startswith("_")}
     assert port == harmless | set(_COMMANDS) | {"send_setpoint"}
 
@@ -102,7 +103,18 @@ def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
     assert plugins == {"mavlink_direct"}, "the library's own offboard plugin repeats the last set point for ever"
 
 
-_ABOUT_THE_FLIGHT = ("course", "engagement", "knowledge", "observer", "rc_switch", "records", "status", "wishes")
+_ABOUT_THE_FLIGHT = (
+    "course",
+    "engagement",
+    "knowledge",
+    "local_frame",
+    "observer",
+    "origin",
+    "rc_switch",
+    "records",
+    "status",
+    "wishes",
+)
 
 
 def test_what_the_loop_knows_is_asked_and_answers_commands_nothing() -> None:
@@ -148,7 +160,7 @@ def test_the_observer_cuts_the_path_of_whoever_moves_the_vehicle() -> None:
 
 
 def test_what_would_be_sent_leads_to_the_target_at_flying_height() -> None:
-    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(takeoff_height_m=1.5, speed_m_s=0.4))
+    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(speed_m_s=0.4), 1.5)
     assert wanted.p_local_enu_m == pytest.approx((1.0, 2.2, 1.5)) and wanted.v_local_enu_m_s == pytest.approx(
         (0, 0.4, 0)
     )

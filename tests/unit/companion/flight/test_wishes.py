@@ -21,6 +21,8 @@ _NOW_NS = 100 * NS_PER_S
 class _Engagement:
     """Misses what a test says; reading parameters takes until it is let go."""
 
+    vehicle = "system 1, px4 1.16.1"
+
     def __init__(self) -> None:
         self.missing: list[str] = []
         self.read = asyncio.Event()
@@ -57,7 +59,9 @@ class _Asked:
 async def test_an_engagement_that_is_granted_counts_at_the_next_tick() -> None:
     asked = _Asked()
     assert await asked.wishes.engage() == ""
-    assert [message for _, _, message in asked.kept.messages] == [Wish(_NOW_NS, Event.ENGAGE, "")]
+    assert [message for _, _, message in asked.kept.messages] == [
+        Wish(_NOW_NS, Event.ENGAGE, "", vehicle="system 1, px4 1.16.1")
+    ]
     assert asked.course.worst([]) is Event.ENGAGE
 
 
@@ -87,7 +91,9 @@ async def test_the_switch_engages_beside_the_loop_and_says_why_not() -> None:
     asked.switch(1900)
     (work,) = asked.beside
     await work
-    assert asked.kept.messages[-1][2] == Wish(_NOW_NS, Event.ENGAGE, "no poses", by_switch=True)
+    assert asked.kept.messages[-1][2] == Wish(
+        _NOW_NS, Event.ENGAGE, "no poses", by_switch=True, vehicle="system 1, px4 1.16.1"
+    )
     assert asked.course.reason == "the switch did not engage: no poses"
 
 

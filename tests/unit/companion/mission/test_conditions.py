@@ -51,6 +51,7 @@ def test_a_quiet_flight_raises_nothing(state: State) -> None:
         (Event.LINK_LOST, replace(QUIET, vehicle=replace(FLYING, mode_mono_ns=NOW_NS - 1_501_000_000))),
         (Event.LINK_LOST, replace(QUIET, vehicle=replace(FLYING, heartbeat_mono_ns=NOW_NS - 1_501_000_000))),
         (Event.STALLED, replace(QUIET, stream_gap_s=0.51)),
+        (Event.STALLED, replace(QUIET, stood_still_s=0.51)),
         (Event.MODE_LOST, replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.MANUAL))),
         (Event.MODE_LOST, replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.RETURN))),
         (Event.POSE_LOST, replace(QUIET, pose_failed=True)),
