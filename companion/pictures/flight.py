@@ -19,7 +19,7 @@ from matplotlib.patheffects import withStroke
 
 _BEARING_M = 1.6
 _LEAST_SPAN_SHARE = 0.45  # of the longer side: a flight due East must not become a strip
-_WIDTH_IN, _LEAST_IN, _MOST_IN = 8.0, 4.4, 9.0
+_WIDTH_IN, _LEAST_IN, _MOST_IN = 8.0, 4.4, 7.0
 _MARGINS_IN = (0.8, 1.4)  # what axes, title and legend take of the width and of the height
 
 
@@ -97,8 +97,9 @@ def _north(axes: Axes) -> None:
     axes.annotate(
         "N",
         xy=(1.03, 1.0),
-        xytext=(1.03, 0.82),
+        xytext=(0, -48),
         xycoords="axes fraction",
+        textcoords="offset points",
         fontsize=12,
         fontweight="bold",
         ha="center",
