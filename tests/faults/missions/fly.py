@@ -166,9 +166,11 @@ class World:
         self._frozen: Pose | None = None
         self._asking: list[asyncio.Task[str]] = []
         self._ending: asyncio.Task[None] | None = None
-        last_s = max(fault.at_s + min(fault.for_s, 20.0) for fault in scenario.faults) + _QUIET_S
+        last_s = max(fault.at_s + min(fault.for_s, 12.0) for fault in scenario.faults) + _QUIET_S
         self._end_ns = self._start_ns + round(min(MOST_S, last_s) * NS_PER_S)
         self.service: Service | None = None
+        self._applied_to: Service | None = None
+        self._switch_up = False
 
     async def run(self) -> None:
         self.service = Service(self)
@@ -189,7 +191,7 @@ class World:
             return
         if self._engaged_ns and service.flight.state in (State.IDLE, State.LATCHED):
             self._asks_left -= 1
-            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(20.0 * NS_PER_S))
+            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(15.0 * NS_PER_S))
             self._engage(service)
 
     def _engage(self, service: Service) -> None:
@@ -287,7 +289,9 @@ class World:
 
     def _begin_faults(self) -> Fault | None:
         now_ns, pause = self.clock.t_ns, None
-        for until_ns, fault in [one for one in self._lasting if one[0] <= now_ns]:
+        was = len(self._lasting), self._switch_up
+        ended = [one for one in self._lasting if one[0] <= now_ns]
+        for until_ns, fault in ended:
             self._lasting.remove((until_ns, fault))
             self.trace.entries.append(Faulted(now_ns, fault, False))
         while self._faults and self._start_ns + self._faults[0].at_s * NS_PER_S <= now_ns:
@@ -300,7 +304,9 @@ class World:
                 pause = fault
             else:
                 self._happen(fault)
-        self._apply()
+        if ended or self._applied_to is not self.service or was != (len(self._lasting), self._switch_up):
+            self._applied_to = self.service
+            self._apply()
         return pause
 
     def _apply(self) -> None:
@@ -324,8 +330,6 @@ class World:
             service.link.is_closed = self._lasts("closed")
             service.worker.does = self._word("worker")
             (service.worker.ready.clear if service.worker.does == "gone" else service.worker.ready.set)()
-
-    _switch_up = False
 
     def _happen(self, fault: Fault) -> None:
         vehicle, service = self.vehicle, self.service

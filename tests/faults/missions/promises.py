@@ -99,18 +99,21 @@ def only_in_our_modes(trace: Trace) -> Found:
 
 
 def never_taken_back(trace: Trace) -> Found:
-    """5. OFFBOARD, once left, is never flown again before a person engages, by whatever way."""
-    engaged, was = False, False
+    """5. A set point or request of ours never brings an armed vehicle back into OFFBOARD before a person engages. (What
+    PX4 does by itself, within COM_OF_LOSS_T of a set point that it had before, is its own.)"""
+    engaged, was, spoke = False, False, False
     for entry in trace.entries:
         if _is_engaged(entry):
             engaged = True
         elif isinstance(entry, Served) and entry.what == "begins":
             engaged = False
+        elif isinstance(entry, Sent) or (isinstance(entry, Asked) and _takes(entry)):
+            spoke = True
         elif isinstance(entry, Moded):
-            if entry.mode is Mode.OFFBOARD and not engaged:
-                yield entry.t_ns, "the vehicle came into OFFBOARD, and nobody had engaged since it was left"
+            if entry.mode is Mode.OFFBOARD and entry.armed and not engaged and spoke:
+                yield entry.t_ns, "we brought the vehicle into OFFBOARD, and nobody had engaged since it was left"
             if was and entry.mode is not Mode.OFFBOARD:
-                engaged = False
+                engaged = spoke = False
             was = entry.mode is Mode.OFFBOARD
 
 
@@ -304,7 +307,7 @@ def observing_is_silent(trace: Trace) -> Found:
 
 def switch_seen_down(trace: Trace) -> Found:
     """17. The switch engages only when it was seen down before it went up, with RC all the while."""
-    before: bool | None = None
+    before: bool | None = False
     rose_ns = -math.inf
     for entry in trace.entries:
         if isinstance(entry, Switched):

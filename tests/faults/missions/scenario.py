@@ -24,7 +24,7 @@ from companion.core.messages import Vector3
 UAV_ID: Final = 1
 BEACON_ID: Final = 2
 SWITCH_CHANNEL: Final = 7
-MOST_S: Final = 75.0
+MOST_S: Final = 50.0
 
 DURATIONS_S: Final = {
     "mute": (0.2, 8.0), "deaf": (0.2, 6.0), "closed": (0.2, 4.0), "offboard": (1.0, 20.0), "commands": (1.0, 15.0),
@@ -96,7 +96,7 @@ def _fault(rng: random.Random) -> Fault:
     kind = rng.choice(_KINDS)
     low_s, high_s = DURATIONS_S.get(kind, (0.0, 0.0))
     for_s = low_s * (high_s / low_s) ** rng.random() if low_s else 0.0
-    return Fault(rng.uniform(0.5, 45.0), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
+    return Fault(rng.uniform(0.5, 26.0), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
 
 
 def _config(rng: random.Random, has_switch: bool) -> Config:
