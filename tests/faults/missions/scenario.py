@@ -39,7 +39,7 @@ _WORDS: Final[dict[str, tuple[str, ...]]] = {
     "poses": ("silent", "nan", "low", "failed", "frozen"), "packets": ("",), "datagrams": ("",),
     "worker": ("hangs", "gone", "lost", "refuses", "doubts", "lies"), "battery": ("low", "second low", "unknown",
     "silent", "second unknown"), "wind": ("",), "estimator": ("",), "recorder": ("",), "clock": ("",), "rc": ("",),
-    "pause": ("loop", "process", "suspend"), "reboot": ("",), "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"),
+    "pause": ("loop", "process"), "reboot": ("",), "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"),
     "sticks": ("",), "switch": ("",), "jump": ("",), "reset": ("",), "abort": ("",), "engage": ("",),
     "stop": ("",), "kill": ("",),
 }  # fmt: skip
