@@ -189,27 +189,33 @@ def person_engages(trace: Trace) -> Found:
 
 
 def preflight_holds(trace: Trace) -> Found:
-    """10. What the preflight passes is as it should be: link, battery, poses, target, worker, recorder, estimator, mode."""
+    """10. What the preflight passes is as it should be when it looks: link, poses, target, worker, recorder, mode."""
     config = trace.scenario.config
     at: Ticked | None = None
+    looked: Ticked | None = None
     for entry in trace.entries:
         if isinstance(entry, Ticked):
             at = entry
-        if not (isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED) or at is None:
+        if not isinstance(entry, MissionStep):
             continue
-        told = at.told
+        if entry.next_state is State.PREFLIGHT and entry.state is not State.PREFLIGHT:
+            looked = at
+        if entry.event is not Event.PREFLIGHT_PASSED or looked is None:
+            continue
+        told = looked.told
         wrong = {
             "observing": config.mission.control == "observe",
-            "no heartbeat": _age_s(told.heartbeat_mono_ns, at.t_ns) > 2.0,
-            "no position": _age_s(told.position_mono_ns, at.t_ns) > 1.0 + _SLACK_S,
+            "no heartbeat": _age_s(told.heartbeat_mono_ns, looked.t_ns) > 2.0,
+            "no position": _age_s(told.position_mono_ns, looked.t_ns) > 1.0 + _SLACK_S,
             "failsafe": told.failsafe,
             "flown by somebody": told.in_air and told.mode is not FlightMode.HOLD,
-            "low battery": (told.battery_remaining or 1.0) < config.mission.min_battery,
-            "stale poses": at.pose_silent_s > config.pose.stale_s + _SLACK_S,
-            "no packets": at.packet_s > config.aperture.silent_s + _SLACK_S,
-            "no datagrams": at.datagram_s > config.aperture.silent_s + _SLACK_S,
-            "no worker": not at.ready[0],
-            "clock not related": not at.ready[2],
+            "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining) < config.mission.min_battery,
+            "stale poses": looked.pose_silent_s > config.pose.stale_s + _SLACK_S,
+            "no packets": looked.packet_s > config.aperture.silent_s + _SLACK_S,
+            "no datagrams": looked.datagram_s > config.aperture.silent_s + _SLACK_S,
+            "no worker": not looked.ready[0],
+            "no recorder": not looked.ready[1],
+            "clock not related": not looked.ready[2],
             "stream lost means nothing good": trace.scenario.rc_loss_act not in (4, 5),
         }
         for name in (name for name, is_so in wrong.items() if is_so):
