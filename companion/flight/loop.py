@@ -97,7 +97,7 @@ class Flight:
         self._refused_ns: int | None = None
         self._tick_ns: int | None = None
         self._stream_ns: int | None = None
-        """The stream's last tick; None while there is none."""
+        """When the newest set point of the stream went out, or the stream began; None while there is none."""
 
     @property
     def state(self) -> State:
@@ -165,7 +165,10 @@ class Flight:
             self._send_setpoint(vehicle, now_ns)
         elif self._observes:
             self._observe(vehicle, now_ns)
-        self._stream_ns = now_ns if self._streaming else None
+        if not self._streaming:
+            self._stream_ns = None
+        elif self._stream_ns is None:
+            self._stream_ns = now_ns
 
     def _situation(self, vehicle: VehicleState, now_ns: int) -> Situation:
         p_m = vehicle.p_local_enu_m
@@ -259,6 +262,7 @@ class Flight:
         except AutopilotError as error:
             self._report(Event.LINK_LOST, str(error))
             return
+        self._stream_ns = setpoint.t_mono_ns
         self._recorder.record(SETPOINT, setpoint.t_mono_ns, setpoint)
 
     def _give_up_leg(self, reasons: tuple[Reason, ...], vehicle: VehicleState) -> None:
