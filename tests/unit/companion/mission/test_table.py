@@ -15,8 +15,8 @@ _FLYING = (State.TAKING_OFF, *_STREAMING)
 # a leave at the target, w leave without it).
 _EXPECTED = {
     State.IDLE: "engage>preflight p; task_failed>fault",
-    State.PREFLIGHT: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>idle; "
-    "battery_low>idle; preflight_failed>idle; timeout>idle; preflight_passed>taking_off t",
+    State.PREFLIGHT: "task_failed>fault; mode_lost>latched; stalled>latched; link_lost>latched; abort>latched; "
+    "pose_lost>idle; battery_low>idle; preflight_failed>idle; timeout>idle; preflight_passed>taking_off t",
     State.TAKING_OFF: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; offboard_refused>latched xh; takeoff_failed>latched xh; "
@@ -30,13 +30,13 @@ _EXPECTED = {
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
     "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding",
-    State.ARRIVED: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>landing l; "
+    State.ARRIVED: "stalled>latched; task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>landing l; "
     "battery_low>landing l; landed>idle; timeout>landing l",
     State.HOLDING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xw; "
     "target_reached>arrived xa; bearing>approaching; bearing_back>approaching",
-    State.LANDING: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; timeout>landing l; "
+    State.LANDING: "stalled>latched; task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; timeout>landing l; "
     "landed>idle",
     State.LATCHED: "engage>preflight p; task_failed>fault",
     State.FAULT: "",
