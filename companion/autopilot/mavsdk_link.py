@@ -14,10 +14,12 @@ import errno
 import functools
 import json
 import logging
+import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -51,10 +53,15 @@ class MavsdkLink:
         self._on_message = on_message
         self._mavsdk: Any = None
         self._direct: Any = None
+        self._native = threading.Lock()
+        """Held while the library opens a connection, or is destroyed: both at once crash it, or hang."""
 
     async def open(self, timeout_s: float) -> None:
-        """Raises AutopilotError when the port is taken, or our vehicle is not heard within `timeout_s` or is no PX4."""
+        """Raises AutopilotError when the port is taken, or our vehicle is not heard within `timeout_s` or is no PX4.
+
+        What can be seen without the library is seen before there is one."""
         _refuse_taken_port(self.url)
+        _refuse_missing_device(self.url)
         _route_native_log()
         kind = mavsdk.ComponentType.COMPANION_COMPUTER
         self._mavsdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
@@ -72,7 +79,8 @@ class MavsdkLink:
         loop, closed = asyncio.get_running_loop(), asyncio.Event()
 
         def close() -> None:
-            library.destroy()
+            with self._native:
+                library.destroy()
             with contextlib.suppress(RuntimeError):  # the loop is gone: nobody waits any more
                 loop.call_soon_threadsafe(closed.set)
 
@@ -101,12 +109,33 @@ class MavsdkLink:
 
     async def _find_autopilot(self, timeout_s: float) -> Any:
         try:
-            # Opening a serial port may take a while.
-            await asyncio.to_thread(self._mavsdk.add_any_connection_with_handle, self.url)
+            await self._connect()
         except MavsdkError as error:
             wanted = "expected udpin://HOST:PORT or serial:///DEV:BAUD"
             raise AutopilotError(f"autopilot {self.url}: {error}; {wanted}") from error
         return await self._vehicle(timeout_s)
+
+    async def _connect(self) -> None:
+        """On a daemon thread: opening a serial port may take a while, or for ever. Raises MavsdkError."""
+        library, loop = self._mavsdk, asyncio.get_running_loop()
+        done: asyncio.Future[None] = loop.create_future()
+
+        def finish(error: MavsdkError | None) -> None:
+            if not done.done():
+                done.set_exception(error) if error is not None else done.set_result(None)
+
+        def connect() -> None:
+            failure: MavsdkError | None = None
+            try:
+                with self._native:
+                    library.add_any_connection_with_handle(self.url)
+            except MavsdkError as error:
+                failure = error
+            with contextlib.suppress(RuntimeError):  # the loop is gone: nobody waits any more
+                loop.call_soon_threadsafe(finish, failure)
+
+        threading.Thread(target=connect, name="mavsdk-open", daemon=True).start()
+        await done
 
     async def _vehicle(self, timeout_s: float) -> Any:
         deadline_s = time.monotonic() + timeout_s
@@ -166,6 +195,18 @@ def _refuse_taken_port(url: str) -> None:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 raise AutopilotError(f"autopilot {url}: the port is taken by another process") from None
+
+
+def _refuse_missing_device(url: str) -> None:
+    """No library is made for a serial line that is not there: it would come to nothing, and may crash at the end."""
+    parts = urlsplit(url)
+    if not parts.scheme.startswith("serial"):
+        return
+    device = Path(parts.path.split(":")[0])
+    if not device.exists():
+        raise AutopilotError(f"autopilot {url}: there is no device {device}")
+    if not os.access(device, os.R_OK | os.W_OK):
+        raise AutopilotError(f"autopilot {url}: no permission for {device}; its group is usually dialout")
 
 
 @functools.cache  # once: the library may be calling the old callback while it is replaced

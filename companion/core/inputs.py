@@ -12,6 +12,8 @@ class Tick:
     """The control loop ran."""
 
     t_mono_ns: int
+    slept_s: float = 0.0
+    """So long the host was suspended since the tick before, which the monotonic clock does not show."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import Any
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.autopilot.silent import SilentAutopilot
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, Ticker, age_s
+from companion.core.clock import NS_PER_S, HostSleep, Ticker, age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import CommandOutcome, Event, Surroundings, Tick
 from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
@@ -32,7 +32,7 @@ from companion.flight.records import GateReport, ObservedSetpoint
 from companion.flight.status import status
 from companion.flight.wishes import Wishes
 from companion.guidance.approach import Approach, as_velocity, inside
-from companion.mission.conditions import ConditionLimits, Situation, conditions
+from companion.mission.conditions import SLEPT_S, ConditionLimits, Situation, conditions
 from companion.mission.table import Action, State
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
@@ -77,6 +77,7 @@ class Flight:
         self._observer = Observer(sar, config.aperture)
         self._limits = _condition_limits(config)
         self._ticker = Ticker(clock, _RATE_HZ)
+        self._sleep = HostSleep()
         self._commands = make_commands(self._autopilot, clock, self._report)
         self._course = Course(clock, recorder)
         self.knowledge = Knowledge(config.aperture, clock, recorder, neighbours, config.target, sar, self._course)
@@ -108,7 +109,7 @@ class Flight:
         async with self._commands:
             try:
                 async for now_ns in self._ticker.ticks():
-                    self.tick(now_ns)
+                    self.tick(now_ns, self._sleep.seconds())
             finally:
                 if self.end():
                     await self._commands.leave_at_end()
@@ -130,11 +131,15 @@ class Flight:
             overruns=self._ticker.overruns,
         )
 
-    def tick(self, now_ns: int) -> None:
-        """One turn of the control loop."""
+    def tick(self, now_ns: int, slept_s: float = 0.0) -> None:
+        """One turn of the control loop. The host was suspended for `slept_s` since the one before."""
         with self._clock.event(now_ns):
-            self._recorder.record(TICK, now_ns, Tick(now_ns))
-            self._turn(now_ns)
+            slept_s = slept_s if slept_s > SLEPT_S else 0.0
+            self._recorder.record(TICK, now_ns, Tick(now_ns, slept_s))
+            if slept_s:
+                self.wishes.outdate()
+                _log.warning("the host was suspended for %.1f s", slept_s)
+            self._turn(now_ns, slept_s)
 
     def end(self) -> bool:
         """The loop ends, because the service is stopped or because any of its parts has failed. Whether we flew."""
@@ -145,7 +150,7 @@ class Flight:
             self._course.end(now_ns)
             return flying
 
-    def _turn(self, now_ns: int) -> None:
+    def _turn(self, now_ns: int, slept_s: float) -> None:
         self._tick_ns = now_ns
         vehicle = self._autopilot.state()
         for event in self._autopilot.take_events():
@@ -158,7 +163,7 @@ class Flight:
         self._origin.tick(vehicle, now_ns)
         self._took_off |= self.state is State.TAKING_OFF and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
         self.wishes.watch_switch(vehicle)
-        worst = self._course.worst(conditions(self.state, self._situation(vehicle, now_ns), self._limits))
+        worst = self._course.worst(conditions(self.state, self._situation(vehicle, now_ns, slept_s), self._limits))
         if worst is not None:
             self._step(worst, vehicle, now_ns)
         if self._streaming:
@@ -170,7 +175,7 @@ class Flight:
         elif self._stream_ns is None:
             self._stream_ns = now_ns
 
-    def _situation(self, vehicle: VehicleState, now_ns: int) -> Situation:
+    def _situation(self, vehicle: VehicleState, now_ns: int, slept_s: float) -> Situation:
         p_m = vehicle.p_local_enu_m
         return Situation(
             vehicle=vehicle,
@@ -184,6 +189,7 @@ class Flight:
             tries=self.knowledge.tries,
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
+            slept_s=slept_s,
             target_near=p_m is not None and self._targets.is_near(p_m, self._config.mission.arrival_range_m),
         )
 

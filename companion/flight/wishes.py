@@ -61,6 +61,10 @@ class Wishes:
         self._aborts += 1
         self.answer(Event.ABORT, "")
 
+    def outdate(self) -> None:
+        """What is being asked for now is not wanted any more: the world has moved on since a person did."""
+        self._aborts += 1
+
     def answer(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
         """A wish has been answered: granted, if there is no refusal."""
         with self._clock.event() as now_ns:

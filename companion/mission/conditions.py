@@ -14,6 +14,8 @@ MODE_LOST_S: Final = 1.5
 """Without HEARTBEAT and CURRENT_MODE for so long, the mode is not known: the link counts as lost."""
 HEARTBEAT_LOST_S: Final = 1.5
 """Heartbeats come at 1 Hz; the edge asks for one that is late, so that a single lost one is not a lost link."""
+SLEPT_S: Final = 0.2
+"""A suspended host: no other age shows it. Suspending and waking takes longer than this."""
 STALLED_S: Final = 0.5
 """Half of PX4's COM_OF_LOSS_T: after a longer gap in the stream the autopilot may have acted by itself."""
 
@@ -57,6 +59,8 @@ class Situation:
     """Since the stream's last tick; 0 while there is no stream."""
     stood_still_s: float = 0.0
     """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
+    slept_s: float = 0.0
+    """The host was suspended so long since the last tick."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +94,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     )
     holds = {
         Event.LINK_LOST: link_lost,
-        Event.STALLED: max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S,
+        Event.STALLED: max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S or situation.slept_s > SLEPT_S,
         Event.MODE_LOST: in_flight
         and situation.took_off
         and vehicle.mode not in _expected_modes(state, situation, limits),

@@ -108,6 +108,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.HOLDING, _E.TIMEOUT): (_S.LANDING, (_A.STREAM_STOP, _A.LEAVE_WITHOUT_TARGET)),
     (_S.ARRIVED, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.ARRIVED, _E.MODE_LOST): (_S.LATCHED, ()),
+    (_S.ARRIVED, _E.STALLED): (_S.LATCHED, ()),  # there is no stream: it was not we alone that stood still
     (_S.ARRIVED, _E.LINK_LOST): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.ABORT): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.POSE_LOST): (_S.LANDING, (_A.LAND,)),
@@ -116,6 +117,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.ARRIVED, _E.LANDED): (_S.IDLE, (_A.LEAVE_ON_THE_GROUND,)),
     (_S.LANDING, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.LANDING, _E.MODE_LOST): (_S.LATCHED, ()),
+    (_S.LANDING, _E.STALLED): (_S.LATCHED, ()),
     (_S.LANDING, _E.LINK_LOST): (_S.LATCHED, ()),
     (_S.LANDING, _E.ABORT): (_S.LATCHED, ()),  # the autopilot goes on landing; only we let go
     (_S.LANDING, _E.TIMEOUT): (_S.LANDING, (_A.LAND,)),

@@ -232,7 +232,8 @@ class Player:
         elif topic == NEIGHBOUR.topic:
             uav.node.take_datagram(resigned(data, REPLAY_KEY))
         elif topic == TICK.topic:
-            uav.flight.tick(msgspec.json.decode(data, type=Tick).t_mono_ns)
+            tick = msgspec.json.decode(data, type=Tick)
+            uav.flight.tick(tick.t_mono_ns, tick.slept_s)
         elif topic == SECOND.topic:
             uav.node.each_second()
         elif topic == WISH.topic:

@@ -15,6 +15,7 @@ from companion.core.messages import Pose, pose_bytes
 from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
+from companion.host.ending import Parts
 from companion.neighbours import wire
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
@@ -84,10 +85,18 @@ class Node:
         self.samples.connect(self._note_exchange)
         self.poses.connect(self._show_pose, self._share_pose)
 
-    async def run(self) -> None:
-        """Reads until cancelled, then closes what it opened."""
+    def open(self) -> None:
+        """What was not opened at the beginning. Raises CompanionError when it cannot be had."""
+        self._link = Link(self.config)
+        self._reader.check()
+
+    async def run(self, begin_end: Callable[[BaseException], None] = lambda error: None) -> None:
+        """Reads until cancelled, then closes what it opened. `begin_end` is told at once when a part fails."""
         loop = asyncio.get_running_loop()
-        self._link = link = Link(self.config)
+        if self._link is None:
+            self.open()
+        link = self._link
+        assert link is not None
         readers: list[tuple[int, Callable[[], None]]] = [
             (self._source.fileno(), self.take_csi),
         ]
@@ -97,7 +106,7 @@ class Node:
         for fileno, drain in readers:
             loop.add_reader(fileno, drain)
         try:
-            async with asyncio.TaskGroup() as tasks:
+            async with Parts(begin_end) as tasks:
                 tasks.create_task(self._pose_source.run(), name="poses")
                 if self.config.pose.reader_command:
                     tasks.create_task(self._reader.run(), name="pose reader")
@@ -108,12 +117,17 @@ class Node:
         finally:
             for fileno, _ in readers:
                 loop.remove_reader(fileno)
-            link.close()
-            self._source.close()
-            self._pose_source.close()
-            if self._pinger is not None:
-                self._pinger.close()
-            self.book.close()
+            self.close()
+
+    def close(self) -> None:
+        """All that is open, sockets with their files. Harmless when repeated."""
+        if self._link is not None:
+            self._link.close()
+        self._source.close()
+        self._pose_source.close()
+        if self._pinger is not None:
+            self._pinger.close()
+        self.book.close()
 
     def odometry_sink(self) -> Callable[[Pose], None] | None:
         """What takes the autopilot's own odometry, where that is the source of poses."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from dataclasses import asdict
 from typing import Any
 
@@ -12,14 +13,18 @@ from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.host.control_socket import ControlServer
+from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
+from companion.host.priority import keep_priority, raise_priority
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.uav import Uav
 from companion.sensing.worker_process import AoaProcess
 
+_log = logging.getLogger(__name__)
 
-async def serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> None:
+
+async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
     assert config.autopilot is not None
     url, system_id = config.autopilot.url, config.autopilot.system_id
@@ -37,15 +42,24 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder) -> No
     worker.readiness.connect(uav.sar.note_worker)
     control = ControlServer(config.path(config.control_socket), lambda command: _answer(uav, command))
     try:
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(uav.node.run(), name="node")
+        uav.node.open()
+        await control.open()
+        without = raise_priority()
+        async with Parts(ending.begin) as tasks:
+            tasks.create_task(uav.node.run(ending.begin), name="node")
             tasks.create_task(worker.run(), name="aoa")
             tasks.create_task(control.run(), name="control")
             tasks.create_task(uav.autopilot.run(), name="autopilot")
             tasks.create_task(uav.flight.run(), name="flight")
             tasks.create_task(feed_watchdog(uav.flight.is_ticking), name="watchdog")
+            tasks.create_task(keep_priority(), name="priority")
+            await asyncio.sleep(0)  # each of them has begun
+            ending.started()
             notify("READY=1")
+            _log.log(logging.WARNING if without else logging.INFO, without or "the control loop runs in real time")
     finally:
+        control.close()
+        uav.node.close()
         await uav.autopilot.aclose()
 
 

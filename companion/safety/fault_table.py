@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from companion.core.inputs import Event
-from companion.mission.conditions import HEARTBEAT_LOST_S, MODE_LOST_S, STALLED_S
+from companion.mission.conditions import HEARTBEAT_LOST_S, MODE_LOST_S, SLEPT_S, STALLED_S
 from companion.pose.health import HealthLimits
 
 _TICK_S: Final = 0.05
@@ -38,9 +38,9 @@ FAULTS: Final[dict[Event, Fault]] = {
         _PERSON,
     ),
     Event.STALLED: Fault(
-        f"{STALLED_S:g} s",
-        "the gap between two ticks of the stream, at the first tick after it; or the vehicle's clock, if it leapt "
-        "ahead of ours (a suspended host), at its first message",
+        f"{STALLED_S:g} s; {SLEPT_S:g} s of a suspended host",
+        "the gap between two ticks of the stream, at the first tick after it; CLOCK_BOOTTIME against CLOCK_MONOTONIC; "
+        "the vehicle's clock, if it leapt ahead of ours, at its first message",
         _PERSON,
     ),
     Event.LINK_LOST: Fault(

@@ -10,7 +10,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings, Wish

@@ -209,7 +209,8 @@ def preflight_holds(trace: Trace) -> Found:
             "no position": _age_s(told.position_mono_ns, looked.t_ns) > 1.0 + _SLACK_S,
             "failsafe": told.failsafe,
             "flown by somebody": told.in_air and told.mode is not FlightMode.HOLD,
-            "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining) < config.mission.min_battery,
+            "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining)
+            < config.mission.min_battery,
             "stale poses": looked.pose_silent_s > config.pose.stale_s + _SLACK_S,
             "no packets": looked.packet_s > config.aperture.silent_s + _SLACK_S,
             "no datagrams": looked.datagram_s > config.aperture.silent_s + _SLACK_S,
@@ -299,7 +300,11 @@ def left_in_hold(trace: Trace) -> Found:
         elif isinstance(entry, Served):
             since_ns = None
         elif isinstance(entry, Ticked) and since_ns is not None and trace.quiet_ns < since_ns - NS_PER_S:
-            if entry.t_ns - since_ns > 3.5 * NS_PER_S and entry.armed and Mode.OFFBOARD in (entry.really, entry.intention):
+            if (
+                entry.t_ns - since_ns > 3.5 * NS_PER_S
+                and entry.armed
+                and Mode.OFFBOARD in (entry.really, entry.intention)
+            ):
                 yield entry.t_ns, f"still in OFFBOARD {(entry.t_ns - since_ns) / NS_PER_S:.1f} s after it was left"
                 since_ns = None
 

@@ -115,7 +115,9 @@ class DrawnWorker:
         azimuth = math.atan2(there[1] - here[1], there[0] - here[0]) + self._rng.gauss(0, 0.05)
         azimuth = self._rng.uniform(-math.pi, math.pi) if wrong else math.remainder(azimuth, math.tau)
         polar = math.acos(max(-1.0, min(1.0, (there[2] - here[2]) / max(math.dist(here, there), 1e-6))))
-        return AoaResult(request_id, peer, 0.1, estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8))
+        return AoaResult(
+            request_id, peer, 0.1, estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8)
+        )
 
 
 def _estimate(azimuth_rad: float, polar_rad: float, reliability: float) -> AoaEstimate:
