@@ -42,6 +42,7 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         (changed("autopilot", url="udp://:14540"), "autopilot.url: 'udp://:14540'"),
         (changed("recorder", rotate_mb=5000.0), "recorder.rotate_mb"),
         (changed("autopilot", gps=False, forward_vio_hz=0.0), "autopilot.forward_vio_hz: 0; expected 20 or more"),
+        (changed("pose", lost_s=4.1), "pose.lost_s: 4.1; expected 4 or less with autopilot.gps: false"),
     ],
 )
 def test_a_broken_rule_names_its_key(config: Config, expected: str) -> None:
@@ -51,3 +52,11 @@ def test_a_broken_rule_names_its_key(config: Config, expected: str) -> None:
 def test_without_an_autopilot_nothing_can_come_from_it() -> None:
     told = config_errors(replace(changed("pose", source="px4", north="autopilot"), autopilot=None))
     assert [error.split(":")[0] for error in told] == ["autopilot", "pose.source", "pose.north"]
+
+
+def test_how_long_poses_may_be_silent_depends_on_who_else_knows_the_position() -> None:
+    assert (UAV.flies_by_poses, UAV.pose_lost_s) == (True, 3.0)
+    with_gps = replace(UAV, autopilot=replace(AUTOPILOT, gps=True))
+    assert (with_gps.flies_by_poses, with_gps.pose_lost_s) == (False, 8.0)
+    patient = replace(with_gps, pose=replace(UAV.pose, lost_s=20.0))
+    assert patient.pose_lost_s == 20.0 and config_errors(patient) == []
