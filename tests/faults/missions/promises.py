@@ -128,10 +128,11 @@ def within_limits(trace: Trace) -> Found:
         wanted = s.p_local_enu_m or tuple(p + 0.5 * d for p, d in zip(here, s.v_local_enu_m_s, strict=True))
         if math.dist(wanted, here) < 1e-6 and not any(s.v_local_enu_m_s):
             continue
+        above = (wanted[0], wanted[1], wanted[2] - entry.ground_m)
         broken = {
-            "box": not all(a - 1e-9 <= p <= b + 1e-9 for a, p, b in zip(gate.fence_min_m, wanted, gate.fence_max_m, strict=True)),
+            "box": not all(a - 1e-9 <= p <= b + 1e-9 for a, p, b in zip(gate.fence_min_m, above, gate.fence_max_m, strict=True)),
             "cylinder": math.hypot(wanted[0], wanted[1]) > gate.fence_radius_m + 1e-9,
-            "height": wanted[2] < gate.min_height_m - 1e-9,
+            "height": above[2] < gate.min_height_m - 1e-9,
             "lead": math.dist(wanted, here) > 2.0 + 1e-9,
             "speed": math.hypot(*s.v_local_enu_m_s[:2]) > gate.max_speed_m_s + 1e-9,
             "climb": abs(s.v_local_enu_m_s[2]) > gate.max_climb_m_s + 1e-9,
@@ -165,7 +166,7 @@ def faults_end_the_stream(trace: Trace) -> Found:
             battery = at.told.battery_remaining
             if battery is not None and battery < config.mission.min_battery:
                 yield entry.t_ns, f"a set point with the battery at {battery:.2f}"
-            if at.pose_silent_s > config.pose.lost_s + _SLACK_S:
+            if at.pose_silent_s > getattr(config, "pose_lost_s", config.pose.lost_s) + _SLACK_S:
                 yield entry.t_ns, f"a set point with poses silent for {at.pose_silent_s:.1f} s"
 
 
