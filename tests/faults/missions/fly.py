@@ -10,7 +10,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings, Wish
@@ -95,7 +94,8 @@ class Service:
         event_clock = EventClock(clock)
         self.sar = SarIterations(
             window=cast(Any, self.window), worker=self.worker, neighbours={BEACON_ID: self.target},
-            config=scenario.config.aperture, clock=event_clock, recorder=self, lookalikes=Lookalikes({BEACON_ID: "beacon"}),
+            config=scenario.config.aperture, clock=event_clock, recorder=self,
+            lookalikes=Lookalikes({BEACON_ID: "beacon"}),
             pose_problem=self.intake.problem_between,
         )  # fmt: skip
         self.flight = Flight(

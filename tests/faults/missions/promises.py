@@ -118,7 +118,7 @@ def never_taken_back(trace: Trace) -> Found:
 
 
 def within_limits(trace: Trace) -> Found:
-    """6. Set points are finite, within fence, height, lead, speed, climb and acceleration, or hold where the vehicle is."""
+    """6. Set points are finite, within fence, height, lead, speed, climb and acceleration, or hold in place."""
     gate = trace.scenario.config.gate
     for entry in trace.of(Sent):
         s, here, v = entry.setpoint, entry.told.p_local_enu_m, entry.told.v_local_enu_m_s
@@ -130,7 +130,7 @@ def within_limits(trace: Trace) -> Found:
             continue
         above = (wanted[0], wanted[1], wanted[2] - entry.ground_m)
         broken = {
-            "box": not all(a - 1e-9 <= p <= b + 1e-9 for a, p, b in zip(gate.fence_min_m, above, gate.fence_max_m, strict=True)),
+            "box": not all(map(_is_between, gate.fence_min_m, above, gate.fence_max_m)),
             "cylinder": math.hypot(wanted[0], wanted[1]) > gate.fence_radius_m + 1e-9,
             "height": above[2] < gate.min_height_m - 1e-9,
             "lead": math.dist(wanted, here) > 2.0 + 1e-9,
@@ -171,7 +171,7 @@ def faults_end_the_stream(trace: Trace) -> Found:
 
 
 def person_engages(trace: Trace) -> Found:
-    """9. Nothing is armed, taken off or asked into OFFBOARD unless a person has engaged since the service last rested."""
+    """9. Nothing is armed, taken off or asked into OFFBOARD unless a person has engaged since it last rested."""
     engaged = False
     for entry in trace.entries:
         if _is_engaged(entry):
@@ -210,7 +210,8 @@ def preflight_holds(trace: Trace) -> Found:
             "no position": _age_s(told.position_mono_ns, looked.t_ns) > 1.0 + _SLACK_S,
             "failsafe": told.failsafe,
             "flown by somebody": told.in_air and told.mode is not FlightMode.HOLD,
-            "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining) < config.mission.min_battery,
+            "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining)
+            < config.mission.min_battery,
             "stale poses": looked.pose_silent_s > config.pose.stale_s + _SLACK_S,
             "no packets": looked.packet_s > config.aperture.silent_s + _SLACK_S,
             "no datagrams": looked.datagram_s > config.aperture.silent_s + _SLACK_S,
@@ -229,8 +230,8 @@ def battery_is_known(trace: Trace) -> Found:
     for entry in trace.entries:
         if isinstance(entry, Ticked):
             at = entry
-        elif isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED and at is not None:
-            if at.told.battery_remaining is None:
+        elif isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED:
+            if at is not None and at.told.battery_remaining is None:
                 yield entry.t_mono_ns, "the preflight passed with an unknown battery"
 
 
@@ -265,7 +266,7 @@ def asked_for_3_s(trace: Trace) -> Found:
 
 
 def restart_is_idle(trace: Trace) -> Found:
-    """14. A service that begins is idle, one that ends or has been killed says no more; in flight it asks for hold or land
+    """14. A service that begins is idle, one that has ended says no more; one told to end in flight asks for hold or land
     within 0.5 s."""
     ended_ns, over, asked, must = 0, False, True, False
     for entry in trace.entries:
@@ -300,7 +301,8 @@ def left_in_hold(trace: Trace) -> Found:
         elif isinstance(entry, Served):
             since_ns = None
         elif isinstance(entry, Ticked) and since_ns is not None and trace.quiet_ns < since_ns - NS_PER_S:
-            if entry.t_ns - since_ns > 3.5 * NS_PER_S and entry.armed and Mode.OFFBOARD in (entry.really, entry.intention):
+            late, stays = entry.t_ns - since_ns > 3.5 * NS_PER_S, Mode.OFFBOARD in (entry.really, entry.intention)
+            if late and stays and entry.armed:
                 yield entry.t_ns, f"still in OFFBOARD {(entry.t_ns - since_ns) / NS_PER_S:.1f} s after it was left"
                 since_ns = None
 
@@ -372,6 +374,10 @@ def _s(trace: Trace, t_ns: int) -> float:
 
 def _age_s(t_ns: int | None, now_ns: int) -> float:
     return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S
+
+
+def _is_between(low: float, value: float, high: float) -> bool:
+    return low - 1e-9 <= value <= high + 1e-9
 
 
 def _is_engaged(entry: object) -> bool:

@@ -6,6 +6,7 @@ import asyncio
 import math
 import random
 from collections import deque
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class DrawnWindow:
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         places = [p for t_ns, p in self._path if start_ns <= t_ns <= end_ns]
-        return sum(math.dist(a, b) for a, b in zip(places, places[1:], strict=False))
+        return sum(math.dist(a, b) for a, b in pairwise(places))
 
     def cut(self, neighbour: FoundNeighbour, start_ns: int, end_ns: int) -> ApertureReport:
         is_long = self.path_length_m(start_ns, end_ns) > 0.2
@@ -115,7 +116,9 @@ class DrawnWorker:
         azimuth = math.atan2(there[1] - here[1], there[0] - here[0]) + self._rng.gauss(0, 0.05)
         azimuth = self._rng.uniform(-math.pi, math.pi) if wrong else math.remainder(azimuth, math.tau)
         polar = math.acos(max(-1.0, min(1.0, (there[2] - here[2]) / max(math.dist(here, there), 1e-6))))
-        return AoaResult(request_id, peer, 0.1, estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8))
+        return AoaResult(
+            request_id, peer, 0.1, estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8)
+        )
 
 
 def _estimate(azimuth_rad: float, polar_rad: float, reliability: float) -> AoaEstimate:
