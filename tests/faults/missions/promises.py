@@ -230,9 +230,9 @@ def battery_is_known(trace: Trace) -> Found:
     for entry in trace.entries:
         if isinstance(entry, Ticked):
             at = entry
-        elif isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED:
-            if at is not None and at.told.battery_remaining is None:
-                yield entry.t_mono_ns, "the preflight passed with an unknown battery"
+        passed = isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED
+        if passed and at is not None and at.told.battery_remaining is None:
+            yield t_ns_of(entry), "the preflight passed with an unknown battery"
 
 
 def abort_ends_it(trace: Trace) -> Found:
@@ -266,8 +266,8 @@ def asked_for_3_s(trace: Trace) -> Found:
 
 
 def restart_is_idle(trace: Trace) -> Found:
-    """14. A service that begins is idle, one that has ended says no more; one told to end in flight asks for hold or land
-    within 0.5 s."""
+    """14. A service that begins is idle, and one that has ended says no more; one that is told to end in flight asks for
+    hold or land within 0.5 s."""
     ended_ns, over, asked, must = 0, False, True, False
     for entry in trace.entries:
         if isinstance(entry, Served):
@@ -322,9 +322,9 @@ def switch_seen_down(trace: Trace) -> Found:
         if isinstance(entry, Switched):
             rose_ns = entry.t_ns if entry.up and before is False else rose_ns
             before = entry.up
-        elif isinstance(entry, Wish) and entry.by_switch and _is_engaged(entry):
-            if entry.t_mono_ns - rose_ns > 5 * NS_PER_S:
-                yield entry.t_mono_ns, "engaged by a switch that nobody moved up"
+        by_switch = isinstance(entry, Wish) and entry.by_switch and _is_engaged(entry)
+        if by_switch and t_ns_of(entry) - rose_ns > 5 * NS_PER_S:
+            yield t_ns_of(entry), "engaged by a switch that nobody moved up"
 
 
 def latched_until_engaged(trace: Trace) -> Found:
@@ -337,9 +337,9 @@ def latched_until_engaged(trace: Trace) -> Found:
             continue
         if entry.state is not state:
             yield entry.t_mono_ns, f"the state was {state} and is {entry.state}"
-        if entry.state is State.LATCHED and entry.next_state not in (State.LATCHED, State.FAULT):
-            if entry.event is not Event.ENGAGE:
-                yield entry.t_mono_ns, f"latched left by {entry.event}"
+        leaves = entry.state is State.LATCHED and entry.next_state not in (State.LATCHED, State.FAULT)
+        if leaves and entry.event is not Event.ENGAGE:
+            yield entry.t_mono_ns, f"latched left by {entry.event}"
         if entry.state is State.FAULT and entry.next_state is not State.FAULT:
             yield entry.t_mono_ns, f"fault left by {entry.event}"
         state = entry.next_state
