@@ -266,7 +266,7 @@ def asked_for_3_s(trace: Trace) -> Found:
 
 
 def restart_is_idle(trace: Trace) -> Found:
-    """14. A service that begins is idle, and one that has ended says no more; one that is told to end in flight asks for
+    """14. A service that begins is idle, and one that has ended says no more; one told to end in flight asks for
     hold or land within 0.5 s."""
     ended_ns, over, asked, must = 0, False, True, False
     for entry in trace.entries:
