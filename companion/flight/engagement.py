@@ -12,10 +12,11 @@ from companion.autopilot.port import Autopilot, AutopilotError
 from companion.config.schema import Config
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
-from companion.core.inputs import Surroundings
+from companion.core.inputs import Event, Surroundings
 from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import SURROUNDINGS
+from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
 from companion.flight.status import vehicle_name
 from companion.pose.intake import PoseIntake
@@ -78,14 +79,17 @@ class Engagement:
         """Which one would be engaged."""
         return vehicle_name(self._autopilot.state())
 
-    @property
-    def parameters_checked(self) -> bool:
-        """Whether the autopilot's parameters were found as required a moment ago."""
-        return self._surroundings().parameters_checked
-
     def not_ready(self) -> list[str]:
         """What is missing now, in words, but for the autopilot's parameters, which must be asked for."""
         return readiness_problems(self._readiness(), self._limits)
+
+    def check_again(self, course: Course) -> None:
+        """The tick's own look at what `engage` has looked at, a moment later and with the parameters it has read."""
+        missing = self.not_ready()
+        if not self._surroundings().parameters_checked:
+            missing.append("the autopilot's parameters were not checked")
+        course.explain("; ".join(missing))
+        course.report(Event.PREFLIGHT_FAILED if missing else Event.PREFLIGHT_PASSED)
 
     async def parameter_problems(self) -> list[str]:
         """Reads what is required of the autopilot, all at once; one line for each that is wrong."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -10,6 +11,7 @@ from companion.config.schema import ApertureConfig
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
+from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import TARGET
 from companion.flight.course import Course
@@ -22,6 +24,7 @@ from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
+_SEARCH_TURN_RAD: Final = math.radians(120.0)
 
 
 class Knowledge:
@@ -50,6 +53,12 @@ class Knowledge:
         self._blind_legs = 0
         self._tries = 0
         self._iteration: Iteration | None = None
+
+    def azimuth_rad(self, vehicle: VehicleState) -> float:
+        """Where the next leg goes: to the target, or into a new direction each time while nothing is known of it."""
+        if self.targets.target is not None:
+            return self.targets.target.azimuth_rad
+        return (vehicle.yaw_enu_rad or 0.0) + _SEARCH_TURN_RAD * self._blind_legs
 
     def heard(self, sample: ChannelSample) -> None:
         """A packet was measured."""

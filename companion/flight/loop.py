@@ -1,12 +1,8 @@
-"""The flying robot's 20 Hz loop: conditions -> mission -> actions, and one set point through the gate.
-
-Longer than other modules: everything that may command the vehicle is to be read in one place.
-"""
+"""The flying robot's 20 Hz loop: all that may command the vehicle; conditions, mission, actions, set point, gate."""
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -24,6 +20,7 @@ from companion.flight.commands import FlightCommands, MakeCommands
 from companion.flight.course import AT_REST, Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
+from companion.flight.limits import condition_limits
 from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer, would_be_setpoint
 from companion.flight.origin import Origin
@@ -32,7 +29,7 @@ from companion.flight.records import GateReport, ObservedSetpoint
 from companion.flight.status import status
 from companion.flight.wishes import Wishes
 from companion.guidance.approach import Approach, as_velocity, inside
-from companion.mission.conditions import SLEPT_S, ConditionLimits, Situation, conditions
+from companion.mission.conditions import SLEPT_S, Situation, conditions
 from companion.mission.table import Action, State
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
@@ -41,8 +38,6 @@ from companion.sensing.iterations import SarIterations
 
 _log = logging.getLogger(__name__)
 _RATE_HZ = 20.0
-_SEARCH_TURN_RAD = math.radians(120.0)
-_LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
 _REFUSED_AGAIN_S = 5.0
 
 
@@ -75,7 +70,7 @@ class Flight:
         self._gate = Gate(GateLimits(**asdict(config.gate)))
         self._approach = Approach(sar, config.mission, config.aperture.length_m, config.aperture.settle_s)
         self._observer = Observer(sar, config.aperture)
-        self._limits = _condition_limits(config)
+        self._limits = condition_limits(config)
         self._ticker = Ticker(clock, _RATE_HZ)
         self._sleep = HostSleep()
         self._commands = make_commands(self._autopilot, clock, self._report)
@@ -170,10 +165,7 @@ class Flight:
             self._send_setpoint(vehicle, now_ns)
         elif self._observes:
             self._observe(vehicle, now_ns)
-        if not self._streaming:
-            self._stream_ns = None
-        elif self._stream_ns is None:
-            self._stream_ns = now_ns
+        self._stream_ns = (self._stream_ns or now_ns) if self._streaming else None
 
     def _situation(self, vehicle: VehicleState, now_ns: int, slept_s: float) -> Situation:
         p_m = vehicle.p_local_enu_m
@@ -211,7 +203,7 @@ class Flight:
             case Action.RUN_PREFLIGHT:
                 self._took_off, self._stood_still_ns = vehicle.in_air, vehicle.stood_still_ns
                 self.knowledge.begin_anew()
-                self._check_again()
+                self._engagement.check_again(self._course)
             case Action.ARM_AND_TAKE_OFF:
                 commands.start(commands.take_off(config.takeoff_height_m), Event.AIRBORNE, Event.TAKEOFF_FAILED)
             case Action.STREAM_START:
@@ -236,24 +228,15 @@ class Flight:
             case Action.LEAVE_WITHOUT_TARGET:
                 commands.start(commands.return_home() if config.lost_target == "return" else commands.land())
 
-    def _check_again(self) -> None:
-        """The tick's own look at what `engage` has looked at, a moment later and with the parameters it has read."""
-        missing = self._engagement.not_ready()
-        if not self._engagement.parameters_checked:
-            missing.append("the autopilot's parameters were not checked")
-        self._course.explain("; ".join(missing))
-        self._course.report(Event.PREFLIGHT_FAILED if missing else Event.PREFLIGHT_PASSED)
-
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
-        setpoint = self._approach.setpoint(now_ns, self._azimuth_rad(vehicle), moving)
+        setpoint = self._approach.setpoint(now_ns, self.knowledge.azimuth_rad(vehicle), moving)
         if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
-        if verdict.reasons and self._frame.is_stepping(now_ns):
-            pass  # the vehicle's frame was set anew, and it has not said yet by how much
-        elif verdict.reasons and (not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S):
+        is_new = not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S
+        if verdict.reasons and is_new and not self._frame.is_stepping(now_ns):
             self._refused_ns = now_ns
             self._give_up_leg(verdict.reasons, vehicle)
         if verdict.reasons != self._refusals:
@@ -299,20 +282,12 @@ class Flight:
 
     def _observe(self, vehicle: VehicleState, now_ns: int) -> None:
         self._observer.tick(now_ns)
-        target = self._targets.target
-        if target is None or vehicle.p_local_enu_m is None:
-            return
-        height_m = self._frame.ground_m + self._config.mission.takeoff_height_m
-        wanted = would_be_setpoint(now_ns, vehicle.p_local_enu_m, target.azimuth_rad, self._config.mission, height_m)
-        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), self._frame.ground_m)
-        self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
-
-    def _azimuth_rad(self, vehicle: VehicleState) -> float:
-        """Where the next leg goes: to the target, or into a new direction each time while nothing is known of it."""
-        target = self._targets.target
-        if target is not None:
-            return target.azimuth_rad
-        return (vehicle.yaw_enu_rad or 0.0) + _SEARCH_TURN_RAD * self.knowledge.blind_legs
+        target, p_m, frame = self._targets.target, vehicle.p_local_enu_m, self._frame
+        if target is not None and p_m is not None:
+            height_m = frame.ground_m + self._config.mission.takeoff_height_m
+            wanted = would_be_setpoint(now_ns, p_m, target.azimuth_rad, self._config.mission, height_m)
+            verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), frame.ground_m)
+            self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 
     def _report(self, event: Event | None, reason: str) -> None:
         """What a command ended in, and why it failed."""
@@ -322,16 +297,3 @@ class Flight:
 
     def _age_s(self, t_ns: int | None) -> float:
         return age_s(t_ns, self._clock.now_ns())
-
-
-def _condition_limits(config: Config) -> ConditionLimits:
-    return ConditionLimits(
-        pose_stale_s=config.pose.stale_s,
-        pose_lost_s=config.pose_lost_s,
-        silent_s=config.aperture.silent_s,
-        blind_legs=config.aperture.blind_legs,
-        min_battery=config.mission.min_battery,
-        approach_s=config.mission.limit_s,
-        hold_s=config.mission.hold_limit_s,
-        leave_modes=frozenset({_LEAVE_MODES[config.mission.leave]}),
-    )

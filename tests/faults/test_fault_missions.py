@@ -1,4 +1,4 @@
-"""Missions under random faults, judged by the promises of docs/safety.md; and rules that see what they are there for."""
+"""Missions under random faults, judged by the promises of docs/safety.md; and each rule seen red once."""
 
 from __future__ import annotations
 

@@ -76,9 +76,9 @@ def main(count: int, first: int, jobs: int, out: Path, shown: int | None) -> Non
         trace = fly(draw(shown))
         for entry in trace.entries:
             print(entry)
-        broken = violations(trace)
-        print(*broken, sep="\n")
-        sys.exit(bool(broken))
+        found = violations(trace)
+        print(*found, sep="\n")
+        sys.exit(bool(found))
     out.parent.mkdir(parents=True, exist_ok=True)
     wanted = range(first, first + count)
     before = {seed: row for seed, row in kept(out).items() if seed in wanted}
@@ -103,7 +103,8 @@ def main(count: int, first: int, jobs: int, out: Path, shown: int | None) -> Non
     print(
         f"{len(everything)} missions, {sum(row['setpoints'] for row in everything)} set points; now "
         f"{len(everything) - len(before)} in {time.monotonic() - began_s:.0f} s, "
-        f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor; broken promises: {dict(done) or 'none'}"
+        f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor; "
+        f"broken promises: {dict(done) or 'none'}"
     )
     sys.exit(bool(done))
 

@@ -94,7 +94,8 @@ class Service:
         event_clock = EventClock(clock)
         self.sar = SarIterations(
             window=cast(Any, self.window), worker=self.worker, neighbours={BEACON_ID: self.target},
-            config=scenario.config.aperture, clock=event_clock, recorder=self, lookalikes=Lookalikes({BEACON_ID: "beacon"}),
+            config=scenario.config.aperture, clock=event_clock, recorder=self,
+            lookalikes=Lookalikes({BEACON_ID: "beacon"}),
             pose_problem=self.intake.problem_between,
         )  # fmt: skip
         self.flight = Flight(
@@ -136,12 +137,15 @@ class Service:
         if name == "SET_POSITION_TARGET_LOCAL_NED":
             places, really = self.flight.knowledge.targets.places(), self.world.vehicle.commander.mode
             told = self.told if self.told is not None and self.told.t_mono_ns == now_ns else self.edge.state()
-            entries.append(Sent(now_ns, setpoint(fields, now_ns), told, self.flight.state, really, places))
+            offered, state = setpoint(fields, now_ns), self.flight.state
+            frame = getattr(self.flight, "_frame", None)
+            ground_m = 0.0 if frame is None else frame.ground_m
+            entries.append(Sent(now_ns, offered, told, state, really, places, ground_m))
         elif name == "COMMAND_LONG" and fields["command"] in (22, 176, 400):
             wanted = None
             if fields["command"] == 176:
                 wanted = next(m for m in Mode if m.value == (fields["param2"], fields["param3"]))
-            what = {22: "takeoff", 176: "mode", 400: "arm"}[fields["command"]]
+            what = {22: "takeoff", 176: "mode", 400: "arm" if fields["param1"] else "disarm"}[fields["command"]]
             entries.append(Asked(now_ns, what, wanted, self.edge.state(), self.flight.state))
 
 

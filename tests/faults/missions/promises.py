@@ -118,7 +118,7 @@ def never_taken_back(trace: Trace) -> Found:
 
 
 def within_limits(trace: Trace) -> Found:
-    """6. Set points are finite, within fence, height, lead, speed, climb and acceleration, or hold where the vehicle is."""
+    """6. Set points are finite, within fence, height, lead, speed, climb and acceleration, or hold in place."""
     gate = trace.scenario.config.gate
     for entry in trace.of(Sent):
         s, here, v = entry.setpoint, entry.told.p_local_enu_m, entry.told.v_local_enu_m_s
@@ -128,10 +128,11 @@ def within_limits(trace: Trace) -> Found:
         wanted = s.p_local_enu_m or tuple(p + 0.5 * d for p, d in zip(here, s.v_local_enu_m_s, strict=True))
         if math.dist(wanted, here) < 1e-6 and not any(s.v_local_enu_m_s):
             continue
+        above = (wanted[0], wanted[1], wanted[2] - entry.ground_m)
         broken = {
-            "box": not all(a - 1e-9 <= p <= b + 1e-9 for a, p, b in zip(gate.fence_min_m, wanted, gate.fence_max_m, strict=True)),
+            "box": not all(map(_is_between, gate.fence_min_m, above, gate.fence_max_m)),
             "cylinder": math.hypot(wanted[0], wanted[1]) > gate.fence_radius_m + 1e-9,
-            "height": wanted[2] < gate.min_height_m - 1e-9,
+            "height": above[2] < gate.min_height_m - 1e-9,
             "lead": math.dist(wanted, here) > 2.0 + 1e-9,
             "speed": math.hypot(*s.v_local_enu_m_s[:2]) > gate.max_speed_m_s + 1e-9,
             "climb": abs(s.v_local_enu_m_s[2]) > gate.max_climb_m_s + 1e-9,
@@ -165,12 +166,12 @@ def faults_end_the_stream(trace: Trace) -> Found:
             battery = at.told.battery_remaining
             if battery is not None and battery < config.mission.min_battery:
                 yield entry.t_ns, f"a set point with the battery at {battery:.2f}"
-            if at.pose_silent_s > config.pose.lost_s + _SLACK_S:
+            if at.pose_silent_s > getattr(config, "pose_lost_s", config.pose.lost_s) + _SLACK_S:
                 yield entry.t_ns, f"a set point with poses silent for {at.pose_silent_s:.1f} s"
 
 
 def person_engages(trace: Trace) -> Found:
-    """9. Nothing is armed, taken off or asked into OFFBOARD unless a person has engaged since the service last rested."""
+    """9. Nothing is armed, taken off or asked into OFFBOARD unless a person has engaged since it last rested."""
     engaged = False
     for entry in trace.entries:
         if _is_engaged(entry):
@@ -229,9 +230,9 @@ def battery_is_known(trace: Trace) -> Found:
     for entry in trace.entries:
         if isinstance(entry, Ticked):
             at = entry
-        elif isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED and at is not None:
-            if at.told.battery_remaining is None:
-                yield entry.t_mono_ns, "the preflight passed with an unknown battery"
+        passed = isinstance(entry, MissionStep) and entry.event is Event.PREFLIGHT_PASSED
+        if passed and at is not None and at.told.battery_remaining is None:
+            yield t_ns_of(entry), "the preflight passed with an unknown battery"
 
 
 def abort_ends_it(trace: Trace) -> Found:
@@ -265,8 +266,8 @@ def asked_for_3_s(trace: Trace) -> Found:
 
 
 def restart_is_idle(trace: Trace) -> Found:
-    """14. A service that begins is idle, one that ends or has been killed says no more; in flight it asks for hold or land
-    within 0.5 s."""
+    """14. A service that begins is idle, and one that has ended says no more; one told to end in flight asks for
+    hold or land within 0.5 s."""
     ended_ns, over, asked, must = 0, False, True, False
     for entry in trace.entries:
         if isinstance(entry, Served):
@@ -300,11 +301,8 @@ def left_in_hold(trace: Trace) -> Found:
         elif isinstance(entry, Served):
             since_ns = None
         elif isinstance(entry, Ticked) and since_ns is not None and trace.quiet_ns < since_ns - NS_PER_S:
-            if (
-                entry.t_ns - since_ns > 3.5 * NS_PER_S
-                and entry.armed
-                and Mode.OFFBOARD in (entry.really, entry.intention)
-            ):
+            late, stays = entry.t_ns - since_ns > 3.5 * NS_PER_S, Mode.OFFBOARD in (entry.really, entry.intention)
+            if late and stays and entry.armed:
                 yield entry.t_ns, f"still in OFFBOARD {(entry.t_ns - since_ns) / NS_PER_S:.1f} s after it was left"
                 since_ns = None
 
@@ -324,9 +322,9 @@ def switch_seen_down(trace: Trace) -> Found:
         if isinstance(entry, Switched):
             rose_ns = entry.t_ns if entry.up and before is False else rose_ns
             before = entry.up
-        elif isinstance(entry, Wish) and entry.by_switch and _is_engaged(entry):
-            if entry.t_mono_ns - rose_ns > 5 * NS_PER_S:
-                yield entry.t_mono_ns, "engaged by a switch that nobody moved up"
+        by_switch = isinstance(entry, Wish) and entry.by_switch and _is_engaged(entry)
+        if by_switch and t_ns_of(entry) - rose_ns > 5 * NS_PER_S:
+            yield t_ns_of(entry), "engaged by a switch that nobody moved up"
 
 
 def latched_until_engaged(trace: Trace) -> Found:
@@ -339,9 +337,9 @@ def latched_until_engaged(trace: Trace) -> Found:
             continue
         if entry.state is not state:
             yield entry.t_mono_ns, f"the state was {state} and is {entry.state}"
-        if entry.state is State.LATCHED and entry.next_state not in (State.LATCHED, State.FAULT):
-            if entry.event is not Event.ENGAGE:
-                yield entry.t_mono_ns, f"latched left by {entry.event}"
+        leaves = entry.state is State.LATCHED and entry.next_state not in (State.LATCHED, State.FAULT)
+        if leaves and entry.event is not Event.ENGAGE:
+            yield entry.t_mono_ns, f"latched left by {entry.event}"
         if entry.state is State.FAULT and entry.next_state is not State.FAULT:
             yield entry.t_mono_ns, f"fault left by {entry.event}"
         state = entry.next_state
@@ -376,6 +374,10 @@ def _s(trace: Trace, t_ns: int) -> float:
 
 def _age_s(t_ns: int | None, now_ns: int) -> float:
     return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S
+
+
+def _is_between(low: float, value: float, high: float) -> bool:
+    return low - 1e-9 <= value <= high + 1e-9
 
 
 def _is_engaged(entry: object) -> bool:

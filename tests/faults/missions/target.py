@@ -6,6 +6,7 @@ import asyncio
 import math
 import random
 from collections import deque
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ class DrawnWindow:
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         places = [p for t_ns, p in self._path if start_ns <= t_ns <= end_ns]
-        return sum(math.dist(a, b) for a, b in zip(places, places[1:], strict=False))
+        return sum(math.dist(a, b) for a, b in pairwise(places))
 
     def cut(self, neighbour: FoundNeighbour, start_ns: int, end_ns: int) -> ApertureReport:
         is_long = self.path_length_m(start_ns, end_ns) > 0.2

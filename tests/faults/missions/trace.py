@@ -42,6 +42,8 @@ class Sent:
     really: Mode
     places: tuple[Vector3, ...]
     """Where robots were known to be."""
+    ground_m: float = 0.0
+    """Up from which heights are counted."""
 
 
 @dataclass(frozen=True, slots=True)

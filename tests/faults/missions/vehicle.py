@@ -36,6 +36,7 @@ class Vehicle:
         self.airframe = Airframe(AirframeLimits(), 0.0, Gusts(scenario.seed))
         parameters: dict[str, int | float] = {
             "COM_OBL_RC_ACT": scenario.rc_loss_act, "COM_RC_OVERRIDE": 3, "COM_DISARM_PRFLT": 30.0,
+            "RTL_RETURN_ALT": 2.0, "NAV_MC_ALT_RAD": 0.3,
         }  # fmt: skip
         self.suspended_ns = 0
         """How far this vehicle's time has gone ahead of a clock of ours that stood still."""
@@ -153,14 +154,18 @@ class Vehicle:
             refused = self.commands == "refuse"
             self.acknowledge(number, Result.DENIED if refused else self.commander.command_mode(mode, self.now_ns))
         elif number in (_ARM, _TAKEOFF) and not self.commands:
-            take = self.commander.arm if number == _ARM else self.commander.command_takeoff
-            self.acknowledge(number, take(self.now_ns))
+            self.acknowledge(number, self._take(number, bool(values[0])))
         elif number in (_ARM, _TAKEOFF) and self.commands == "refuse":
             self.acknowledge(number, Result.TEMPORARILY_REJECTED)
         elif number == _REQUEST and values[0] == 0:
             self._say("HEARTBEAT")
         elif number not in (_SET_MODE, _ARM, _TAKEOFF):
             self.acknowledge(number, Result.ACCEPTED)
+
+    def _take(self, number: int, arms: bool) -> Result:
+        if number == _TAKEOFF:
+            return self.commander.command_takeoff(self.now_ns)
+        return self.commander.arm(self.now_ns) if arms else self.commander.disarm()
 
     def _refuses_silently(self, values: list[float | None]) -> bool:
         return self.offboard == "silent" and values[1] == Mode.OFFBOARD.value[0]

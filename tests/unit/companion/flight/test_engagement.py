@@ -107,6 +107,7 @@ _ABOUT_THE_FLIGHT = (
     "course",
     "engagement",
     "knowledge",
+    "limits",
     "local_frame",
     "observer",
     "origin",
