@@ -47,8 +47,7 @@ async def keep_priority() -> None:
 
 def raise_threads() -> None:
     """The other threads of this process, where the calling one runs in real time."""
-    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
-    if policy != os.SCHED_RR:
+    if not _in_real_time(0):
         return
     for tid in _threads():
         try:
@@ -59,10 +58,11 @@ def raise_threads() -> None:
 
 
 def stand_back(nice: int) -> None:
-    """For a process that only computes: niced, and off one core where there are several, which is the loop's."""
+    """For a child that only computes: niced and, where the parent's loop could not get real time, off one of several
+    cores. A loop in real time needs no core of its own, and to do without one costs much of a busy machine."""
     os.nice(nice)
     cores = sorted(os.sched_getaffinity(0))
-    if len(cores) > 1:
+    if len(cores) > 1 and not _in_real_time(os.getppid()):
         os.sched_setaffinity(0, cores[1:])
 
 
@@ -75,6 +75,10 @@ def _limit_runaways() -> None:
 def _give_way() -> None:
     for tid in _threads():
         os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
+
+
+def _in_real_time(pid: int) -> bool:
+    return os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
 
 
 def _threads() -> list[int]:

@@ -65,16 +65,16 @@ def _fails(config: Path, python: str = sys.executable) -> str:
 
 
 @pytest.mark.parametrize("name", ["uav", "beacon"])
-def test_fault_31_a_start_that_fails_says_why_and_ends(robot: Path, name: str) -> None:
+def test_fault_42_a_start_that_fails_says_why_and_ends(robot: Path, name: str) -> None:
     count, longest_s = runs(5, 20), 0.0
     for _ in range(count):
         began_s = time.monotonic()
         assert _NO_NETWORK in _fails(robot / f"{name}.yaml")
         longest_s = max(longest_s, time.monotonic() - began_s)
-    record(31, starts=count, longest_s=round(longest_s, 1))
+    record(42, starts=count, longest_s=round(longest_s, 1))
 
 
-def test_fault_31_a_start_of_an_ordinary_user_ends_as_well(robot: Path) -> None:
+def test_fault_42_a_start_of_an_ordinary_user_ends_as_well(robot: Path) -> None:
     setpriv = shutil.which("setpriv")
     if os.getuid() != 0 or setpriv is None:
         pytest.skip("only root can become another user, and by setpriv")

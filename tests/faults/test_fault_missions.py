@@ -30,7 +30,7 @@ _PLAIN = 3
 
 
 @pytest.mark.parametrize("block", range(runs(4, 500)))
-def test_fault_31_random_missions_keep_the_promises(block: int) -> None:
+def test_fault_43_random_missions_keep_the_promises(block: int) -> None:
     broken = {}
     for seed in range(block * _BLOCK, (block + 1) * _BLOCK):
         if found := promises.violations(fly(draw(seed))):

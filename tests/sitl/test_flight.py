@@ -258,7 +258,7 @@ async def test_fault_05_the_stream_keeps_its_rate_under_load(flying: Flying) -> 
     assert min(rates_hz) >= 18 and gap_ms <= 150
 
 
-async def test_fault_31_a_suspended_host_is_latched(flying: Flying) -> None:
+async def test_fault_41_a_suspended_host_is_latched(flying: Flying) -> None:
     await flying.fly()
     await asyncio.sleep(0.5)
     asked_ns = time.monotonic_ns()
@@ -268,7 +268,7 @@ async def test_fault_31_a_suspended_host_is_latched(flying: Flying) -> None:
     report = await flying.px4()
     assert report.last_setpoint_mono_ns is not None
     last_s = (report.last_setpoint_mono_ns - asked_ns) / NS_PER_S
-    record(31, last_set_point_after_s=round(max(0.0, last_s), 3))
+    record(41, last_set_point_after_s=round(max(0.0, last_s), 3))
     assert status["reason"] == "stalled" and last_s <= 0.2
     assert report.mode == "HOLD", "by the autopilot's own failsafe: nobody asked it"
     assert (await flying.status())["state"] == "latched"

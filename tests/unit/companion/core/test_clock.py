@@ -52,7 +52,7 @@ class _Host:
         return now_ns
 
 
-def test_fault_31_a_suspended_host_shows_once_and_a_thread_held_up_between_the_clocks_does_not() -> None:
+def test_fault_41_a_suspended_host_shows_once_and_a_thread_held_up_between_the_clocks_does_not() -> None:
     host = _Host()
     sleep = HostSleep(host.monotonic, host.boot)
     host.run(3.0)

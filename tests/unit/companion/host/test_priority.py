@@ -63,7 +63,7 @@ def test_without_permission_it_says_so_and_goes_on() -> None:
     assert "LimitRTPRIO=10 permits it" in done.stdout, done.stderr
 
 
-def test_what_only_computes_leaves_a_core() -> None:
+def test_what_only_computes_leaves_a_core_to_a_loop_without_real_time() -> None:
     done = _run("stand_back(10)\nprint(os.nice(0) >= 10, len(os.sched_getaffinity(0)))")
     left = max(1, len(os.sched_getaffinity(0)) - 1)
     assert done.stdout.split() == ["True", str(left)]
