@@ -166,7 +166,7 @@ def faults_end_the_stream(trace: Trace) -> Found:
             battery = at.told.battery_remaining
             if battery is not None and battery < config.mission.min_battery:
                 yield entry.t_ns, f"a set point with the battery at {battery:.2f}"
-            if at.pose_silent_s > getattr(config, "pose_lost_s", config.pose.lost_s) + _SLACK_S:
+            if at.pose_silent_s > config.pose_lost_s + _SLACK_S:
                 yield entry.t_ns, f"a set point with poses silent for {at.pose_silent_s:.1f} s"
 
 
