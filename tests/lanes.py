@@ -3,6 +3,9 @@
 A lane is one command, and all lanes run at once. What lives in real time waits most of the time and takes what little
 it needs at once; what computes is niced and takes all that is left. A lane is printed when it has ended; while it runs
 its output is in build/test/. docs/testing.md has a table of where the time goes.
+
+What lives in real time and failed beside the others is judged once more alone, and the last lines say so: beside four
+other lanes on two cores a test can fail of the company it was in.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ class Lane:
     command: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
     """What is set beside what there is."""
+    alone: tuple[str, ...] = ()
+    """The command that judges its failures once more, when nothing else runs."""
 
     @property
     def output(self) -> Path:
@@ -45,7 +50,9 @@ class Lane:
 
 def _real_time(name: str, *modules: str) -> Lane:
     """Modules of tests/sitl one after the other."""
-    return Lane(name, (*_PYTEST, *(f"tests/sitl/test_{module}.py" for module in modules)))
+    cache = f"cache_dir={_OUT / name}.cache"
+    command = (*_PYTEST, "-o", cache, *(f"tests/sitl/test_{module}.py" for module in modules))
+    return Lane(name, command, alone=(*command, "--last-failed", "--last-failed-no-failures", "none"))
 
 
 _FLIGHTS: Final = (
@@ -76,13 +83,13 @@ def run(chosen: list[Lane]) -> int:
     began_s = time.monotonic()
     started = [(lane, _start(lane)) for lane in chosen]
     running = {process.pid: (lane, process) for lane, process in started}
-    lines, failed = [], 0
+    lines, failed = list[str](), list[Lane]()
     try:
         while running:
             pid, status, used = os.wait3(0)
             lane, process = running.pop(pid)
             process.returncode = code = os.waitstatus_to_exitcode(status)
-            failed += code != 0
+            failed += [lane] * (code != 0)
             lines.append(
                 f"{lane.name:>10} {'passed' if code == 0 else f'FAILED ({code})'}: {time.monotonic() - began_s:.0f} s, "
                 f"of which {used.ru_utime + used.ru_stime:.0f} s of processor"
@@ -92,8 +99,18 @@ def run(chosen: list[Lane]) -> int:
         print("\ninterrupted", flush=True)
         _end([process for _, process in running.values()])
         return _INTERRUPTED
-    print("", *lines, sep="\n")
-    return min(failed, 1)
+    print("", *lines, sep="\n", flush=True)
+    alone = [_passes_alone(lane) for lane in failed]
+    return int(not all(alone))
+
+
+def _passes_alone(lane: Lane) -> bool:
+    if not lane.alone:
+        return False
+    print(f"\n{lane.name}: what failed beside the other lanes, once more alone", flush=True)
+    passed = subprocess.run(lane.alone, cwd=_ROOT, env=os.environ | lane.environment, check=False).returncode == 0
+    print(f"{lane.name:>10} {'passed alone' if passed else 'FAILED alone too'}", flush=True)
+    return passed
 
 
 def _start(lane: Lane) -> subprocess.Popen[bytes]:
