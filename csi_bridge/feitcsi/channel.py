@@ -1,6 +1,6 @@
 """The channel behind a report: without what the card and the standard add.
 
-A report is conj(gamma h): wherever the sender turned subcarriers (HT 40 MHz: by j above the centre) the captures show the
+A report is conj(gamma h): where the sender turned subcarriers (HT 40 MHz: by j above the centre) the captures show the
 opposite turn, while the order of subcarriers is right (VHT 80 MHz: -1 from -64 on), and phases rise with the frequency
 where a delay lets them fall. Taken as it stands it would point bearings the opposite way. Pilots and the hollows of
 160 MHz hold nothing and are filled in from their neighbours, turned by what the packet's own delay turns between them.

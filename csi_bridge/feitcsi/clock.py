@@ -13,7 +13,7 @@ _TICKS_WRAP: Final = 1 << 32
 
 
 def unwrapped_us(stamps_us: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """Microseconds (N,) from the first stamp's value on, through wraps of 32 bits; records may be slightly out of order."""
+    """Microseconds (N,) from the first stamp's value on, through wraps of 32 bits; some records may be out of order."""
     stamps = np.asarray(stamps_us, np.uint32)
     # A difference of uint32 wraps as the counter does; read as int32 it is signed.
     steps = np.diff(stamps).view(np.int32).astype(np.int64)

@@ -1,9 +1,9 @@
 """Bytes to FeitCSI records, without I/O: one record at a time, or a log in pieces of any size.
 
 A record is a header of 272 bytes and its data. Header, little-endian: bytes of data u32 @0, fine clock u32 @8, host
-microseconds u64 @12, n_rx u8 @46, n_tx u8 @47, subcarriers u32 @52, minus the power of chains A and B in dBm u32 @60 and
-@64, sender's address @68, microsecond clock u32 @88, rate word u32 @92. Data: int16 real and imaginary parts by receive
-chain, stream and subcarrier. There is no mark and no check sum: a record is known by numbers that have to agree.
+microseconds u64 @12, n_rx u8 @46, n_tx u8 @47, subcarriers u32 @52, minus the power of chains A and B in dBm u32 @60
+and @64, sender's address @68, microsecond clock u32 @88, rate word u32 @92. Data: int16 real and imaginary parts
+by receive chain, stream and subcarrier. There is no mark and no check sum: a record is known by numbers that agree.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LIKELY: Final = re.compile(
 )
 
 
-def record_size(header: bytes | memoryview) -> int:
+def record_size(header: bytes | bytearray | memoryview) -> int:
     """Bytes of the whole record, from at least the first 96 of them; every number checked against the others. Raises
     CsiError."""
     if len(header) < _SHOWS:

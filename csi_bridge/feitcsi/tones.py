@@ -38,7 +38,7 @@ class Tones:
     @property
     def frequency_hz(self) -> npt.NDArray[np.float64]:
         """From the channel's centre."""
-        return self.index * self.spacing_hz
+        return np.asarray(self.index * self.spacing_hz, np.float64)
 
 
 def _both(*ranges: tuple[int, int]) -> Indices:
