@@ -12,6 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from csi_bridge.dat import DatFileError, frame_offsets
+from csi_bridge.feitcsi.clock import fine_us
+from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
+from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiError, CsiRecord
 
@@ -19,7 +22,7 @@ _SHORTEST_SLEEP_S: Final = 0.0005
 
 
 class Feeder(Protocol):
-    """NetlinkFeeder or UnixFeeder."""
+    """NetlinkFeeder, VendorEventFeeder or UnixFeeder."""
 
     def send(self, code: int, body: bytes) -> bool: ...
 
@@ -30,14 +33,19 @@ class Feeder(Protocol):
 class Tape:
     """Records (code, body) of a log in file order and when each reached the host, `t_s` (N,) [s], not decreasing.
 
-    Wall time where the driver recorded it (layouts 34 and 38), else the card's own clock from 0 on. An MPDU comes with
-    the CSI record behind it.
+    Wall time where the driver recorded it (layouts 34 and 38, FeitCSI where the logger knew it), else the card's own
+    clock from 0 on. An MPDU comes with the CSI record behind it.
     """
 
     path: Path
     records: tuple[tuple[int, bytes], ...]
     t_s: npt.NDArray[np.float64]
     is_wall_time: bool
+
+    @property
+    def is_feitcsi(self) -> bool:
+        """Whether these are reports of an AX card."""
+        return self.records[0][0] == FEITCSI_CODE
 
     @property
     def duration_s(self) -> float:
@@ -50,7 +58,28 @@ class Tape:
 
 
 def read_tape(path: Path) -> Tape:
-    """Raises DatFileError for a file that is no log, or has no CSI records."""
+    """Of whichever card, by what the file holds. Raises DatFileError for one that is no log, or has no CSI records."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DatFileError(f"{path}: {error.strerror}") from None
+    if is_feitcsi(data) and (log := parse_log(data, path)).records:
+        return _feitcsi_tape(log, data)
+    return _connector_tape(path)
+
+
+def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
+    sizes = (HEADER_BYTES + 4 * record.csi.size for record in log.records)
+    records = tuple((FEITCSI_CODE, data[at : at + size]) for at, size in zip(log.offsets, sizes, strict=True))
+    host_us = np.array([record.host_time_us for record in log.records], np.float64)
+    is_wall = bool(np.all(host_us > 0))
+    stamps = np.array([record.timestamp_low_us for record in log.records], np.uint32)
+    card_us = fine_us(np.array([record.ftm_ticks for record in log.records], np.uint32), stamps)
+    times = host_us if is_wall else np.concatenate([[0], np.cumsum(np.maximum(np.diff(card_us), 0))])
+    return Tape(log.path, records, np.maximum.accumulate(times) * 1e-6, is_wall)
+
+
+def _connector_tape(path: Path) -> Tape:
     data, frames = frame_offsets(path)
     records = tuple((data[start + 2], data[start + 3 : end]) for start, end in frames)
     stamps, host_s = np.zeros(len(records), np.uint32), np.full(len(records), np.nan)
