@@ -20,6 +20,7 @@ HT40_FLAG: Final = 1 << 11
 INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
 INDICES_40MHZ: Final = (*range(-58, 0, 4), *range(2, 59, 4))
 _RSSI_OFFSET_DB: Final = 44
+_SPACING_HZ: Final = 312_500.0
 _NO_NOISE: Final = -127
 _DEFAULT_NOISE_DBM: Final = -92
 # The transmitter shares its power among its streams: 2 take 3 dB. The CSI Tool counts 4.5 dB, not 4.8, for 3.
@@ -37,6 +38,11 @@ def subcarrier_indices(rate: int) -> npt.NDArray[np.int64]:
     indices = INDICES_40MHZ if is_40mhz(rate) else INDICES_20MHZ
     assert len(indices) == SUBCARRIERS
     return np.array(indices, np.int64)
+
+
+def subcarrier_hz(rate: int) -> npt.NDArray[np.float64]:
+    """Their frequencies (30,) from the channel's centre."""
+    return np.asarray(subcarrier_indices(rate) * _SPACING_HZ, np.float64)
 
 
 def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wsr.displacement import relative_displacement
 from wsr.errors import ApertureError
-from wsr.ofdm import Grid, grid, known
+from wsr.ofdm import GRID_5300, Grid, grid, known
 
 MIN_PACKETS = 20
 MIN_LENGTH_WAVELENGTHS = 2.0
@@ -99,11 +99,14 @@ class Aperture:
         ours, theirs = self.forward.shape[1], self.reverse.shape[1]
         try:
             given = None if self.subcarrier_hz is None else grid(self.subcarrier_hz)
-            fits = ours == theirs == known(ours, given).size
         except ValueError as error:
             raise ApertureError(str(error)) from None
-        if not fits:
-            raise ApertureError(f"forward has {ours} subcarriers and reverse {theirs}; expected as many of both")
+        wanted = (GRID_5300.size, 1) if given is None else (given.size,)
+        if ours != theirs or ours not in wanted:
+            expected = (
+                f"{' or '.join(map(str, wanted))} of both, as their frequencies are {'' if given else 'not '}given"
+            )
+            raise ApertureError(f"forward has {ours} subcarriers and reverse {theirs}; expected {expected}")
 
     @property
     def grid(self) -> Grid:
