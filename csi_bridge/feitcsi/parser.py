@@ -16,7 +16,7 @@ import numpy as np
 
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, MAX_RX, MAX_TX, FeitRecord
-from csi_bridge.feitcsi.tones import SUBCARRIERS, tones
+from csi_bridge.feitcsi.tones import SUBCARRIERS, tones_of
 from csi_bridge.records import CsiError
 
 FIELDS: Final = struct.Struct("<I4xIQ26xBB4xI4xII6s14xII")
@@ -42,12 +42,12 @@ def record_size(header: bytes | bytearray | memoryview) -> int:
     n_rx, n_tx, subcarriers = SHAPE.unpack_from(header, SHAPE_AT)
     if not (1 <= n_rx <= MAX_RX and 1 <= n_tx <= MAX_TX):
         raise CsiError(f"{n_rx} x {n_tx} antennas, expected at most {MAX_RX} x {MAX_TX}, and one of each")
-    rate = Rate(int.from_bytes(header[RATE_AT : RATE_AT + 4], "little"))
-    plan = None if rate.format is None or rate.width_mhz is None else tones(rate.format, rate.width_mhz)
+    word = int.from_bytes(header[RATE_AT : RATE_AT + 4], "little")
+    plan = tones_of(word)
     if plan is None:
-        raise CsiError(f"rate word {rate.word:#010x}, {rate}: its subcarriers are not known")
+        raise CsiError(f"rate word {word:#010x}, {Rate(word)}: its subcarriers are not known")
     if subcarriers != len(plan.index):
-        raise CsiError(f"{subcarriers} subcarriers, expected {len(plan.index)} of {rate}")
+        raise CsiError(f"{subcarriers} subcarriers, expected {len(plan.index)} of {Rate(word)}")
     if size != 4 * n_rx * n_tx * subcarriers:
         raise CsiError(f"{size} bytes of data, expected {4 * n_rx * n_tx * subcarriers} for {n_rx} x {n_tx} antennas")
     return HEADER_BYTES + size

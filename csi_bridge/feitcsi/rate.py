@@ -37,7 +37,7 @@ class Rate:
     def format(self) -> Format | None:
         """None for a number that no standard has yet."""
         number = self.word >> _FORMAT_SHIFT & _THREE_BITS
-        return Format(number) if number < len(Format) else None
+        return Format(number) if number <= Format.EHT else None
 
     @property
     def width_mhz(self) -> int | None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from csi_bridge.feitcsi.rate import Rate
-from csi_bridge.feitcsi.tones import Tones, tones
+from csi_bridge.feitcsi.tones import Tones, tones_of
 
 FEITCSI_CODE: Final = 0x4E
 """Code of a report, header and data, wherever records of several cards travel together."""
@@ -56,8 +56,7 @@ class FeitRecord:
     @property
     def tones(self) -> Tones:
         """The parser refuses reports of formats that have none."""
-        assert self.rate.format is not None and self.rate.width_mhz is not None
-        plan = tones(self.rate.format, self.rate.width_mhz)
+        plan = tones_of(self.rate.word)
         assert plan is not None
         return plan
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from csi_bridge.feitcsi.rate import Format
+from csi_bridge.feitcsi.rate import Format, Rate
 
 SPACING_HZ: Final = 312_500.0
 HE_SPACING_HZ: Final = 78_125.0
@@ -80,6 +80,13 @@ def tones(kind: Format, width_mhz: int) -> Tones | None:
     for array in (index, valid, turn := _turn(kind, width_mhz, index)):
         array.flags.writeable = False
     return Tones(index, spacing_hz, valid, turn)
+
+
+@lru_cache(maxsize=256)
+def tones_of(word: int) -> Tones | None:
+    """The plan of a rate word; None as in `tones`."""
+    rate = Rate(word)
+    return None if rate.format is None or rate.width_mhz is None else tones(rate.format, rate.width_mhz)
 
 
 def _turn(kind: Format, width_mhz: int, index: Indices) -> npt.NDArray[np.complex64]:
