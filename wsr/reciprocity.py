@@ -173,9 +173,14 @@ def _scratch(k: Array32, step: int) -> Array32:
 def _lag_slope(re: Array32, im: Array32, lags: Array32, step: int, lag: np.float32) -> np.float32:
     """Phase per unit of k of re + j im (S,), from products of subcarriers a lag apart."""
     a = b = np.float32(0.0)
-    for s in range(lags.size):
-        a += lags[s] * (re[s + step] * re[s] + im[s + step] * im[s])
-        b += lags[s] * (im[s + step] * re[s] - re[s + step] * im[s])
+    if step == 1:  # a loop of its own, whose vectors lie where the compiler knows them
+        for s in range(lags.size):
+            a += lags[s] * (re[s + 1] * re[s] + im[s + 1] * im[s])
+            b += lags[s] * (im[s + 1] * re[s] - re[s + 1] * im[s])
+    else:
+        for s in range(lags.size):
+            a += lags[s] * (re[s + step] * re[s] + im[s + step] * im[s])
+            b += lags[s] * (im[s + step] * re[s] - re[s + step] * im[s])
     return np.float32(np.arctan2(b, a) / lag)
 
 
