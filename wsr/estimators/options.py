@@ -47,7 +47,5 @@ class RobustOptions:
     min_planar_polar_rad: float = math.radians(60.0)
     refine_steps: int = 8
     coherent_above: float = 0.8
-    first_path: bool = True
-    """Over 60 MHz and more, estimate on what arrives first alone; `wsr.first_path`."""
     power_share: float = 0.99
     """Share of the power over subcarriers that the search uses; 1: all of it."""

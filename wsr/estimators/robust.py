@@ -17,7 +17,6 @@ from wsr.estimators.description import without_image
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
-from wsr.first_path import first_arrivals, is_wide
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
 from wsr.geometry import direction, great_circle, wrap_angle
 from wsr.half_turns import without_half_turns
@@ -96,11 +95,8 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     if level:
         # What is left of height there is the tracker's drift.
         x = x - np.outer(x @ axes[2], axes[2])
-    gated = options.first_path and is_wide(prepared.grid)
-    channel = first_arrivals(bins.channel, prepared.grid) if gated else bins.channel
-    grid = None if gated else prepared.grid
     fused = sub_apertures(
-        x, channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share, grid
+        x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share, prepared.grid
     )
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
 
