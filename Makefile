@@ -5,16 +5,18 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo test faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
+.PHONY: demo pictures test test-long faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
-	@echo "make test   checks and tests"
-	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/faults.md"
-	@echo "make mutants  mutation test of the set point gate"
+	@echo "make pictures  flies the demo and draws the README's pictures from it"
+	@echo "make test   checks and tests, side by side"
+	@echo "make test-long  tests that take longer than make test allows: every recording, not one of each set"
+	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/results/faults.md"
+	@echo "make mutants  mutation test of what may command the vehicle (MUTANTS='gate table' for some)"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
-	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/estimation.md (DATA=DIR...)"
+	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/results/ (DATA=DIR...)"
 	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
 	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
 	@echo "make .venv  the environment alone"
@@ -37,31 +39,36 @@ $(VENV)/dev.stamp: requirements-dev.txt $(VENV)/run.stamp
 demo: .venv
 	$(BIN)/companion demo $(ARGS)
 
-# What computes runs on two processes; what flies, or injects faults, one at a time, so that nothing disturbs its timing.
-# Beside it runs what waits most of the time: it takes an eighth of a core. Its output follows. A shell lets what it runs
-# in the background ignore Ctrl-C, which must end that as well.
-WAITING := $(addprefix tests/sitl/,test_autopilot_edge.py test_px4_process.py test_injector.py)
-HEED_INT := import pytest, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); sys.exit(pytest.main(sys.argv[1:]))
-test: check t265
-	$(BIN)/python -m pytest -n 2 tests/unit tests/property tests/golden
-	@mkdir -p build; $(BIN)/python -c "$(HEED_INT)" $(WAITING) > build/waiting.txt 2>&1 & waiting=$$!; \
-	$(BIN)/python -m pytest tests/faults tests/sitl $(addprefix --ignore=,$(WAITING)); failed=$$?; \
-	wait $$waiting || failed=1; cat build/waiting.txt; exit $$failed
+# The README's pictures, from a flight of the default world.
+pictures: .venv
+	$(BIN)/companion demo --out build/pictures
+	cp build/pictures/flight.png build/pictures/profile.png docs/pictures/
+
+# tests/lanes.py runs checks and tests side by side; docs/testing.md says what stands where.
+test: $(VENV)/dev.stamp t265
+	$(BIN)/python -m tests.lanes
+
+test-long: $(VENV)/dev.stamp t265
+	$(BIN)/python -m pytest -n 2 -m long tests $(ARGS)
 
 faults: $(VENV)/dev.stamp t265
-	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -s $(ARGS)
+	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -m 'long or not long' -s $(ARGS)
+	$(BIN)/python -m tests.faults.missions --count 5000 --jobs 2
 	$(BIN)/python -m tests.faults.figures
 
+MUTANTS := gate table conditions preflight engagement telemetry
 # cosmic-ray changes the file it tests: it works on a copy. Its own environment, since it pulls in a database.
 mutants: $(VENV)/dev.stamp
 	test -e .venv-mutants/bin/cosmic-ray || { $(PYTHON) -m venv .venv-mutants && .venv-mutants/bin/python -m pip --disable-pip-version-check --quiet install cosmic-ray==8.7.0; }
 	rm -rf build/mutants && mkdir -p build/mutants
 	cp -r companion wsr csi_bridge tests pyproject.toml build/mutants/
-	cp tests/mutants.toml build/mutants/mutants.toml
-	cd build/mutants && export PATH=$(CURDIR)/$(BIN):$$PATH MUTANTS=$(CURDIR)/.venv-mutants/bin && \
-		$$MUTANTS/cosmic-ray init mutants.toml mutants.sqlite && \
-		$$MUTANTS/cr-filter-operators mutants.sqlite mutants.toml && $$MUTANTS/cosmic-ray exec mutants.toml mutants.sqlite && \
-		$$MUTANTS/cr-report --show-diff --surviving-only mutants.sqlite | tail -60
+	cd build/mutants && export PATH=$(CURDIR)/$(BIN):$$PATH COSMIC=$(CURDIR)/.venv-mutants/bin && \
+		for of in $(MUTANTS); do \
+			$$COSMIC/cosmic-ray init tests/mutants/$$of.toml $$of.sqlite && \
+			$$COSMIC/cr-filter-operators $$of.sqlite tests/mutants/$$of.toml && \
+			$$COSMIC/cosmic-ray exec tests/mutants/$$of.toml $$of.sqlite && \
+			$$COSMIC/cr-report --show-diff --surviving-only $$of.sqlite | tail -60 || exit 1; \
+		done
 
 # Soft: without a CPython 3.10 the tests say so and use the newest pyrealsense2 instead.
 PYTHON310 := $(shell for p in python3.10 $$HOME/.pyenv/versions/3.10.*/bin/python3.10; do $$p -c '' 2>/dev/null && echo $$p && break; done)
@@ -74,7 +81,7 @@ t265:
 bench: .venv
 	$(BIN)/python -m benchmarks $(ARGS)
 
-# Writes the generated parts of docs/estimation.md; about ten minutes.
+# Writes docs/results/ablation.md, crossvalidation.md and simulated.md; about ten minutes.
 DATA := ../shared/data/wsr_dataset_dev ../shared/data/wsr_3d
 ablation: .venv
 	$(BIN)/python -m benchmarks.ablation --markdown $(DATA)

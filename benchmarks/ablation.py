@@ -1,7 +1,7 @@
-"""`python -m benchmarks.ablation DIR...`: what each step of `robust` is worth, the table of docs/estimation.md.
+"""`python -m benchmarks.ablation DIR...`: what each step of `robust` is worth, the table of docs/results/ablation.md.
 
 Every row is the default with one switch changed, over all links of data sets in the WSR layout and both trackers.
-`--markdown` writes the table into docs/estimation.md, where it belongs.
+`--markdown` writes the table into docs/results/ablation.md, where it belongs.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.document import ESTIMATION, replace_part
+from benchmarks.document import ABLATION, replace_part
 from benchmarks.recorded import Array, table, trials
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
@@ -50,7 +50,7 @@ NOT_REDUCED = "transmitter's channels not reduced"
 @click.argument("directories", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
 @click.option("--jobs", type=click.IntRange(min=1), default=lambda: os.cpu_count() or 1)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write every error here.")
-@click.option("--markdown", is_flag=True, help="Write the table into docs/estimation.md.")
+@click.option("--markdown", is_flag=True, help="Write the table into docs/results/ablation.md.")
 def main(directories: tuple[Path, ...], jobs: int, json_path: Path | None, markdown: bool) -> None:
     """Median / mean |azimuth error| [deg] and the share under 10 degrees [%] of every row."""
     done = trials(directories, [Robust(options) for options in ROWS.values()], jobs)
@@ -64,7 +64,7 @@ def main(directories: tuple[Path, ...], jobs: int, json_path: Path | None, markd
         links = [asdict(link) for link in done.links]
         json_path.write_text(json.dumps({"links": links, "errors_deg": dict(zip(names, errors.tolist(), strict=True))}))
     if markdown:
-        replace_part(ESTIMATION, "ablation", lines)
+        replace_part(ABLATION, "ablation", lines)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ judged by its errors on those held out. The held-out errors together, cell by ce
 what choosing by these runs is worth on a place never seen; beside them stands each fixed choice over all links.
 
 A bootstrap over places and transmitters, since links of one place and transmitter err alike, says how well the figures
-of the default are known at all. `--markdown` writes what docs/estimation.md quotes.
+of the default are known at all. `--markdown` writes what docs/results/crossvalidation.md quotes.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.document import ESTIMATION, replace_part
-from benchmarks.recorded import Array, Link, Trials, cells, figures_of, missed, table, trials
+from benchmarks.document import CROSS_VALIDATION, replace_part
+from benchmarks.recorded import Array, RecordedLink, Trials, cells, figures_of, missed, table, trials
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 
@@ -56,7 +56,7 @@ class Choice:
 OWN = Choice(DEFAULT.delay_ns, DEFAULT.scales, DEFAULT.bin_wavelengths)
 
 
-HELD_OUT: Mapping[str, Callable[[Link], str]] = {
+HELD_OUT: Mapping[str, Callable[[RecordedLink], str]] = {
     "position": lambda link: link.place,
     "run": lambda link: link.run,
     "transmitter": lambda link: link.tx,
@@ -79,7 +79,7 @@ def grid() -> list[Choice]:
 
 
 def folds(
-    done: Trials, choices: Sequence[Choice], key: Callable[[Link], str], cut_deg: float
+    done: Trials, choices: Sequence[Choice], key: Callable[[RecordedLink], str], cut_deg: float
 ) -> tuple[list[Fold], Array]:
     """Each value of `key` held out in turn, and the held-out errors (links,) of all of them together. In the choice
     errors count up to `cut_deg`. Raises ValueError where `key` has one value only."""
@@ -97,7 +97,7 @@ def folds(
     return found, held_out
 
 
-def bootstrap(links: Sequence[Link], errors_deg: Array, seed: int = 1) -> dict[str, tuple[Array, Array]]:
+def bootstrap(links: Sequence[RecordedLink], errors_deg: Array, seed: int = 1) -> dict[str, tuple[Array, Array]]:
     """5th and 95th percentiles (3,) of each cell's figures over draws of its pairs of place and transmitter."""
     rng = np.random.default_rng(seed)
     result = {}
@@ -148,7 +148,7 @@ def notes(done: Trials, choices: Sequence[Choice], cut_deg: float) -> Iterator[s
         )
 
 
-def _several(links: Sequence[Link]) -> Iterator[tuple[str, Callable[[Link], str]]]:
+def _several(links: Sequence[RecordedLink]) -> Iterator[tuple[str, Callable[[RecordedLink], str]]]:
     """What can be held out: of which there is more than one."""
     return ((what, key) for what, key in HELD_OUT.items() if len({key(link) for link in links}) > 1)
 
@@ -164,7 +164,7 @@ def _several(links: Sequence[Link]) -> Iterator[tuple[str, Callable[[Link], str]
     help="In the choice errors count up to this [deg].",
 )
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write every error here.")
-@click.option("--markdown", is_flag=True, help="Write the result into docs/estimation.md.")
+@click.option("--markdown", is_flag=True, help="Write the result into docs/results/crossvalidation.md.")
 def main(directories: tuple[Path, ...], jobs: int, cut: float, json_path: Path | None, markdown: bool) -> None:
     """Median / mean |azimuth error| [deg] and the share under 10 degrees [%], of every choice and held out."""
     choices = grid()
@@ -175,7 +175,7 @@ def main(directories: tuple[Path, ...], jobs: int, cut: float, json_path: Path |
         errors = {str(choice): done.errors_deg[n].tolist() for n, choice in enumerate(choices)}
         json_path.write_text(json.dumps({"links": [asdict(link) for link in done.links], "errors_deg": errors}))
     if markdown:
-        replace_part(ESTIMATION, "cross-validation", lines)
+        replace_part(CROSS_VALIDATION, "cross-validation", lines)
 
 
 if __name__ == "__main__":

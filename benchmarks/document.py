@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-ESTIMATION: Final = Path(__file__).resolve().parents[1] / "docs" / "estimation.md"
+DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
+ABLATION: Final = DOCS / "results" / "ablation.md"
+CROSS_VALIDATION: Final = DOCS / "results" / "crossvalidation.md"
+SIMULATED: Final = DOCS / "results" / "simulated.md"
 
 
 def replace_part(document: Path, name: str, lines: Iterable[str]) -> None:

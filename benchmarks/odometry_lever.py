@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from companion.analysis.result import DEFAULT_LEVERS_M
 from companion.analysis.runs import Run, find_runs
-from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, read_trajectory
 from companion.errors import CompanionError
 from wsr.displacement import interpolate
 from wsr.geometry import yaw_of
@@ -57,7 +57,7 @@ def _centred(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(less.reshape(-1, *values.shape[2:]))
 
 
-def _read(run: Run, kind: PoseKind) -> Trajectory:
+def _read(run: Run, kind: PoseKind) -> RecordedTrajectory:
     if kind not in run.trajectories:
         raise CompanionError(f"{run.folder}: no {kind} trajectory of {run.stamp}")
     return read_trajectory(run.trajectories[kind], kind)

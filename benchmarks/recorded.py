@@ -42,7 +42,7 @@ Cell = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RecordedLink:
     """Where a column of errors belongs: `cell` is set and poses, `place` the end of the folder's name, such as L6."""
 
     cell: str
@@ -55,7 +55,7 @@ class Link:
 class Trials:
     """|Azimuth errors| (variants, links) [deg], 180 where there is none; polar_deg likewise, nan where not told."""
 
-    links: list[Link]
+    links: list[RecordedLink]
     errors_deg: Array
     polar_deg: Array
 
@@ -65,7 +65,7 @@ def trials(directories: Sequence[Path], estimators: Sequence[Estimator], jobs: i
     in `companion.analysis.result.Options`."""
     runs = [run for directory in directories for run in find_runs(directory)]
     tasks = [(run, kind) for run in runs for kind in POSES if kind in run.trajectories]
-    links: list[Link] = []
+    links: list[RecordedLink] = []
     columns: list[list[tuple[float, float]]] = []
     with (
         ProcessPoolExecutor(max_workers=jobs) as pool,
@@ -77,7 +77,7 @@ def trials(directories: Sequence[Path], estimators: Sequence[Estimator], jobs: i
         for future in as_completed(futures):
             for same_link in zip(*future.result(), strict=True):
                 row = same_link[0]
-                links.append(Link(f"{row.set} {futures[future]}", _place(row.position), row.tx, row.run))
+                links.append(RecordedLink(f"{row.set} {futures[future]}", _place(row.position), row.tx, row.run))
                 columns.append([(each.error_deg, _polar_error(each)) for each in same_link])
             progress.advance(bar)
     order = sorted(range(len(links)), key=lambda n: (links[n].cell, links[n].place, links[n].run, links[n].tx))
@@ -85,7 +85,7 @@ def trials(directories: Sequence[Path], estimators: Sequence[Estimator], jobs: i
     return Trials([links[n] for n in order], table[:, :, 0].T, table[:, :, 1].T)
 
 
-def table(links: Sequence[Link], rows: Sequence[tuple[str, Array, Array | None]]) -> Iterator[str]:
+def table(links: Sequence[RecordedLink], rows: Sequence[tuple[str, Array, Array | None]]) -> Iterator[str]:
     """Markdown. A row has a name, errors (links,) and errors of the polar angle (links,), or None for none."""
     spatial = np.array([link.cell not in PUBLISHED and link.cell.endswith(" mocap") for link in links])
     names = [name for name in sorted({link.cell for link in links}) if name in PUBLISHED]
@@ -110,7 +110,7 @@ def table(links: Sequence[Link], rows: Sequence[tuple[str, Array, Array | None]]
         yield f"| {' | '.join(texts)} |"
 
 
-def cells(links: Sequence[Link], errors_deg: Array) -> dict[str, Cell]:
+def cells(links: Sequence[RecordedLink], errors_deg: Array) -> dict[str, Cell]:
     """Median, mean and share under 10 degrees by cell."""
     names = np.array([link.cell for link in links])
     return {str(name): figures_of(errors_deg[names == name]) for name in sorted(set(names))}

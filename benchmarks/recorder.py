@@ -29,7 +29,7 @@ _ROOT = Path(__file__).resolve().parents[1]
 _STEP_S = 0.005
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderCost:
     """Shares of one core over `seconds`: processor time of the writer's own thread, and of the calls that hand the
     messages over, each by the clock of its thread; nothing may be dropped."""
@@ -63,14 +63,14 @@ def recorder_cost(seconds: float = 20.0) -> RecorderCost:
         size = path.stat().st_size
     writer_share, calls_share = writer_s / seconds, calls_s / seconds
     return RecorderCost(
-        seconds,
-        writer_share + calls_share,
-        writer_share,
-        calls_share,
-        counters["written"] / seconds,
-        size / seconds / 1e3,
-        counters["dropped"],
-        longest_us,
+        seconds=seconds,
+        core_share=writer_share + calls_share,
+        writer_share=writer_share,
+        calls_share=calls_share,
+        messages_per_s=counters["written"] / seconds,
+        kilobytes_per_s=size / seconds / 1e3,
+        dropped=counters["dropped"],
+        longest_record_us=longest_us,
     )
 
 
@@ -105,13 +105,16 @@ def _drive(recorder: Recorder, clock: EventClock, seconds: float) -> tuple[float
 def _messages() -> tuple[tuple[Stream, float, object], ...]:
     pose = Pose(1, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.1, 0.1), 3)
     vehicle = VehicleState(
-        1, 1, FlightMode.OFFBOARD, 1, True, True, False, 1, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 0.5, 0.9
-    )
+        t_mono_ns=1, heartbeat_mono_ns=1, mode=FlightMode.OFFBOARD, mode_mono_ns=1, armed=True, in_air=True,
+        position_mono_ns=1, p_local_enu_m=(1.0, 2.0, 3.0), v_local_enu_m_s=(0.1, 0.2, 0.3), yaw_enu_rad=0.5,
+        battery_remaining=0.9,
+    )  # fmt: skip
     packets = 480
     chi = np.random.default_rng(2).normal(size=(packets, 3))
     aperture = ApertureRecord(
-        1, 2, 1, 2, bytes(8 * packets), chi.tobytes(), chi[:, :2].tobytes(), 0.055, (1.0, 2.0, 3.0)
-    )
+        number=1, peer=2, start_ns=1, end_ns=2, t_s=bytes(8 * packets), chi_m=chi.tobytes(),
+        channel=chi[:, :2].tobytes(), wavelength_m=0.055, reference_p_m=(1.0, 2.0, 3.0),
+    )  # fmt: skip
     power = np.random.default_rng(1).random((180, 360)).astype(np.float16).tobytes()
     return (
         (CSI, 150.0, b"\xbb" + os.urandom(230)),

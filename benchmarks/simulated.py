@@ -1,7 +1,7 @@
-"""`python -m benchmarks.simulated`: estimators against truth and bound, as docs/estimation.md quotes them.
+"""`python -m benchmarks.simulated`: estimators against truth and bound, as docs/results/simulated.md quotes them.
 
 Each trial draws a path, a direction and noise from its own seed. The tests run the same campaigns with fewer trials.
-`--markdown` writes the figures into docs/estimation.md.
+`--markdown` writes the figures into docs/results/simulated.md.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.document import ESTIMATION, replace_part
+from benchmarks.document import SIMULATED, replace_part
 from benchmarks.scenes import WAVELENGTH_M
 from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture, make_aperture
@@ -282,11 +282,11 @@ def report(bounds: list[BoundRow], near: NearRow, poses: list[PoseErrorRow], ste
         ratios = f"{row.azimuth_ratio:.2f} | {row.polar_ratio:.2f}"
         yield f"| {row.path} | {row.snr_db:g} | {row.subcarriers} | {ratios} |"
     yield ""
-    yield (
-        f"Sources at 10 m, {near.trials} arbitrary paths of {LENGTH_M:g} m, 20 dB: median error "
-        f"{near.far_field_deg:.2f}° with plane waves, {near.robust_deg:.3f}° with `robust`; range within 15 % in "
-        f"{near.range_within_15:.0%}."
-    )
+    yield f"Sources at 10 m, arbitrary paths of {LENGTH_M:g} m, 20 dB:"
+    yield ""
+    yield "| trials | median error with plane waves [°] | with `robust` [°] | range within 15 % |"
+    yield "|---|---|---|---|"
+    yield f"| {near.trials} | {near.far_field_deg:.2f} | {near.robust_deg:.3f} | {near.range_within_15:.0%} |"
     yield ""
     yield "Wrong poses, 10 m, 20 dB (median / mean error [°]):"
     yield ""
@@ -310,9 +310,9 @@ def report(bounds: list[BoundRow], near: NearRow, poses: list[PoseErrorRow], ste
 @click.command()
 @click.option("--trials", type=click.IntRange(min=1), default=100, show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the figures here.")
-@click.option("--markdown", is_flag=True, help="Write the figures into docs/estimation.md.")
+@click.option("--markdown", is_flag=True, help="Write the figures into docs/results/simulated.md.")
 def main(trials: int, json_path: Path | None, markdown: bool) -> None:
-    """Everything simulated that docs/estimation.md quotes."""
+    """Everything simulated that docs/results/simulated.md quotes."""
     stages = click.progressbar(length=4, label="simulating", file=sys.stderr)
     with stages:
         bounds = list(bound_rows(trials))
@@ -334,7 +334,7 @@ def main(trials: int, json_path: Path | None, markdown: bool) -> None:
         }
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if markdown:
-        replace_part(ESTIMATION, "simulated", lines)
+        replace_part(SIMULATED, "simulated", lines)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
+import os
 import sys
+from pathlib import Path
 from typing import Final
 
 import click
@@ -55,9 +59,67 @@ def program() -> None:
 
 
 def main() -> None:
-    """Entry point: exit 0 done, 1 the job failed, 2 usage or configuration."""
+    """Entry point: exit 0 done, 1 the job failed, 2 usage or configuration.
+
+    What the operating system refuses, and what no parser has translated, becomes one line here, for all commands.
+    """
+    _print_anything()
+    code = _run()
     try:
-        program(standalone_mode=True)
+        sys.stdout.flush()
+    except OSError as error:
+        code = code or _fail(f"standard output: {error.strerror}")
+        _let_go_of_stdout()
+    sys.exit(code)
+
+
+def _run() -> int:
+    try:
+        program([_at_home(word) for word in sys.argv[1:]], standalone_mode=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
     except CompanionError as error:
-        click.echo(f"companion: {error}", err=True)
-        sys.exit(error.exit_code)
+        return _fail(str(error), error.exit_code)
+    except OSError as error:
+        return _fail(f"{_name_of(error)}{error.strerror or error}")
+    except UnicodeError as error:
+        return _fail(f"not UTF-8: {error}")
+    except RecursionError:
+        return _fail("what was read is nested too deep")
+    except MemoryError:
+        return _fail("what was read needs more memory than there is")
+    return 0
+
+
+def _at_home(word: str) -> str:
+    """`--out=~/x`, which no shell expands, would make a folder named ~."""
+    option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    try:
+        return f"{option}{equals}{Path(value).expanduser()}" if value.startswith("~/") else word
+    except RuntimeError:  # nobody's home is known
+        return word
+
+
+def _fail(text: str, code: int = 1) -> int:
+    click.echo(f"companion: {text}", err=True)
+    return code
+
+
+def _name_of(error: OSError) -> str:
+    name = error.filename2 or error.filename
+    return f"{os.fsdecode(name)}: " if isinstance(name, str | bytes) else ""
+
+
+def _print_anything() -> None:
+    """Names of files need not be UTF-8: they are shown escaped."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _let_go_of_stdout() -> None:
+    """What it still holds would fail again when the interpreter ends."""
+    with contextlib.suppress(OSError, ValueError):
+        number = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(number, sys.stdout.fileno())
+        os.close(number)

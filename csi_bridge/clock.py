@@ -38,6 +38,11 @@ _STRAIGHT: Final = 1e-3
 _BLOCK: Final = 100
 _MAX_LEAD_NS: Final = 1_000_000
 _AGREE_WITHIN_NS: Final = 2_000_000_000
+_STEP_BLOCK: Final = 20
+_STEP_WINDOW_S: Final = 2.0
+_STEP_SEEN_S: Final = 0.5
+"""How much of a recording must be on either side of a step for it to be told from a late burst."""
+_STEP_S: Final = 0.01
 
 Point = tuple[float, float]
 
@@ -216,12 +221,55 @@ def host_times_s(
     # A difference of uint32 wraps as the counter does; read as int32 it is signed.
     steps_us = np.diff(timestamp_low_us.astype(np.uint32)).view(np.int32).astype(np.int64)
     offset_s = host_time_s - host_time_s[0] - np.concatenate([[0], np.cumsum(steps_us)]) * 1e-6
-    resets = np.flatnonzero(np.abs(np.diff(_median_of_five(offset_s))) > _RESET_NS * 1e-9) + 1
+    resets = np.flatnonzero(np.abs(np.diff(median_of_five(offset_s))) > _RESET_NS * 1e-9) + 1
     for stretch in np.split(np.arange(len(host_time_s)), resets):
         if len(stretch) and np.all(np.isfinite(host_time_s[stretch])):
             nic_us = np.concatenate([[0], np.cumsum(steps_us[stretch[:-1]])])
             result[stretch] = _mapped_s(nic_us * 1e-6, host_time_s[stretch])
     return result
+
+
+def host_step(
+    timestamp_low_us: npt.NDArray[np.uint32], host_time_s: npt.NDArray[np.float64]
+) -> tuple[int, float] | None:
+    """Where the host's clock was first set within a recording, and by how many seconds: (number of the first record
+    behind it, to about twenty; step). None where it was not, or by less than 10 ms.
+
+    Delays only ever add, and some packets are fast, so the least (host - NIC) of two seconds is a level that stays. A
+    host that stalls raises it for as long as the stall; a clock that was set moves it for good. A slewed clock moves it
+    by less. The NIC's own resets are taken out.
+    """
+    if not np.all(np.isfinite(host_time_s)):
+        return None
+    host_steps_s = np.diff(host_time_s)
+    nic_steps_s = np.diff(timestamp_low_us.astype(np.uint32)).view(np.int32).astype(np.float64) * 1e-6
+    # Packets that come close behind each other by the NIC's clock did; what else differs is a reset or another session.
+    close = (nic_steps_s > -_RESET_NS * 1e-9) & (nic_steps_s < _STEP_WINDOW_S)
+    resets = np.flatnonzero((np.abs(host_steps_s - nic_steps_s) > _RESET_NS * 1e-9) & ~close) + 1
+    for stretch in np.split(np.arange(len(host_time_s)), resets):
+        nic_s = np.concatenate([[0.0], np.cumsum(nic_steps_s[stretch[:-1]])])
+        found = _step_within(nic_s, host_time_s[stretch] - host_time_s[stretch[:1]] - nic_s)
+        if found is not None:
+            return int(stretch[0]) + found[0], found[1]
+    return None
+
+
+def _step_within(nic_s: npt.NDArray[np.float64], offset_s: npt.NDArray[np.float64]) -> tuple[int, float] | None:
+    if len(offset_s) < 2 * _STEP_BLOCK:
+        return None
+    blocks = np.array_split(np.arange(len(offset_s)), len(offset_s) // _STEP_BLOCK)
+    # The third least: a single wrong stamp is no level.
+    levels_s = np.array([np.partition(offset_s[block], 2)[2] for block in blocks])
+    begins_s = np.array([nic_s[block].min() for block in blocks])
+    for at in range(1, len(blocks)):
+        before = np.flatnonzero(begins_s[:at] >= begins_s[at] - _STEP_WINDOW_S)
+        after = at + np.flatnonzero(begins_s[at:] < begins_s[at] + _STEP_WINDOW_S)
+        if min(begins_s[at] - begins_s[0], begins_s[-1] - begins_s[at]) < _STEP_SEEN_S or not len(before):
+            continue
+        step_s = float(levels_s[after].min() - levels_s[before].min())
+        if abs(step_s) > _STEP_S:
+            return int(blocks[at][0]), step_s
+    return None
 
 
 def _mapped_s(nic_s: npt.NDArray[np.float64], host_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -234,7 +282,7 @@ def _mapped_s(nic_s: npt.NDArray[np.float64], host_s: npt.NDArray[np.float64]) -
     return mapped
 
 
-def _median_of_five(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def median_of_five(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Keeps steps where they are and removes what is wrong in at most two values in a row."""
     padded = np.pad(values, 2, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

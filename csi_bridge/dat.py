@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import mmap
+import os
+import stat
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -10,6 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from csi_bridge.foreign import foreign_format
 from csi_bridge.parser import HEADER, LAYOUTS, body_shape
 from csi_bridge.payload import payload_bytes, unpack
 from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, SUBCARRIERS, CsiError, row_antennas
@@ -21,6 +26,14 @@ _SHAPE_BYTES: Final = np.array([0, 1, 2, 11, 12, 19, 20])
 _DECODED_AT_ONCE: Final = 2048
 """Records: what is worked on stays in the processor's cache."""
 _MAX_CSI_BODY: Final = LAYOUTS[-1] + payload_bytes(MAX_ANTENNAS, MAX_ANTENNAS)
+
+
+_MAPPED_BYTES: Final = 32 << 20
+"""Files beyond are mapped and their pages given back as they are gone through, instead of read whole."""
+_SELECTED_AT_ONCE: Final = 65536
+_NEIGHBOURS: Final = 300
+_CSI_BYTE: Final = bytes([CSI_CODE])
+Content = bytes | mmap.mmap
 
 
 class DatFileError(ValueError):
@@ -59,9 +72,24 @@ class CsiLog:
     """Passed over to find the next record where a length could not be trusted."""
     truncated_bytes: int
     """Of a record cut off by the end of the file: normal, the logger writes whole pages."""
+    left_out_count: int = 0
+    """Sound CSI records that were not wanted."""
+    left_out_s: tuple[float, float] | None = None
+    """First and last host time of those."""
 
     def __len__(self) -> int:
         return len(self.layout)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which records to keep, so that memory goes by what is used; a few neighbours are kept with those of a time. A
+    record without a host time or counter is kept."""
+
+    time_s: tuple[float, float] | None = None
+    """First and last host time."""
+    counters: tuple[int, int] | None = None
+    """First and last frame counter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +114,8 @@ class _Frames:
     runs: list[_Run] = field(default_factory=list)
     others: list[tuple[int, int]] = field(default_factory=list)
     """Where each frame of another code begins and ends."""
+    left_out: int = 0
+    left_out_s: tuple[float, float] | None = None
     mpdu: int = 0
     unknown: int = 0
     malformed: int = 0
@@ -101,31 +131,47 @@ class _Frames:
         self.unknown += code not in (CSI_CODE, MPDU_CODE)
 
 
-def read_dat(path: str | Path) -> CsiLog:
-    """Raises DatFileError for a file that is missing, unreadable, empty or no CSI log."""
+def read_dat(path: str | Path, wanted: Wanted | None = None) -> CsiLog:
+    """All records, or those `wanted`. Raises DatFileError for a file that is missing, unreadable, empty or no CSI
+    log."""
     path = Path(path)
     data = _content(path)
-    frames = _frames(data)
-    count = frames.records
-    # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
-    if count == 0 and frames.mpdu <= frames.malformed + frames.unknown:
-        raise DatFileError(f"{path}: not a CSI log ({count} CSI records in {len(data)} bytes)")
-    return _decode(path, np.frombuffer(data, np.uint8), frames, count)
+    frames = _sound_frames(path, data)
+    array = np.frombuffer(data, np.uint8)
+    if wanted is not None:
+        _keep(array, frames, wanted, _release_of(data))
+    return _decode(path, array, frames, frames.records, _release_of(data))
 
 
-def frame_offsets(path: str | Path) -> tuple[bytes, list[tuple[int, int]]]:
-    """The file's bytes and where each sound frame of it, CSI or other, begins and ends. Raises as `read_dat`."""
+def frame_offsets(path: str | Path) -> tuple[Content, npt.NDArray[np.int64]]:
+    """The file's bytes, and (N, 2) where each sound frame of it, CSI or other, begins and ends. Raises as
+    `read_dat`."""
     data = _content(Path(path))
+    frames = _sound_frames(Path(path), data)
+    begins = [run.first + run.size * np.arange(run.count, dtype=np.int64) for run in frames.runs]
+    ends = [begin + run.size for begin, run in zip(begins, frames.runs, strict=True)]
+    others = np.array(frames.others, np.int64).reshape(-1, 2)
+    offsets = np.stack([np.concatenate([*begins, others[:, 0]]), np.concatenate([*ends, others[:, 1]])], axis=1)
+    return data, offsets[np.argsort(offsets[:, 0], kind="stable")]
+
+
+def _sound_frames(path: Path, data: Content) -> _Frames:
     frames = _frames(data)
+    # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
     if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:
-        raise DatFileError(f"{path}: not a CSI log ({frames.records} CSI records in {len(data)} bytes)")
-    runs = ((at, at + run.size) for run in frames.runs for at in range(run.first, run.end, run.size))
-    return data, sorted([*frames.others, *runs])
+        what = foreign_format(data[:4096])
+        seen = f"{f'{what}; ' if what else ''}{frames.records} CSI records in {len(data)} bytes"
+        raise DatFileError(f"{path}: not a CSI log ({seen}); expected one of the Intel 5300's CSI tool")
+    return frames
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path) -> Content:
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise DatFileError(f"{path}: not a file, expected a CSI log")
+            size = os.fstat(file.fileno()).st_size
+            data = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) if size > _MAPPED_BYTES else file.read()
     except OSError as error:
         raise DatFileError(f"{path}: {error.strerror}") from None
     if not data:
@@ -133,18 +179,83 @@ def _content(path: Path) -> bytes:
     return data
 
 
-def _frames(data: bytes) -> _Frames:
+def _release_of(data: Content) -> Callable[[], None]:
+    """Gives pages of a mapped file back: they are read again where they are needed again."""
+    if isinstance(data, bytes):
+        return lambda: None
+    return lambda: data.madvise(mmap.MADV_DONTNEED)
+
+
+def _keep(data: npt.NDArray[np.uint8], frames: _Frames, wanted: Wanted, release: Callable[[], None]) -> None:
+    """Leaves in `frames` only the records that are wanted, in stretches of neighbours."""
+    runs = sorted((first, shape, at) for shape, found in frames.groups.items() for first, at in found)
+    host_s = np.full(frames.records, np.nan)
+    kept = np.ones(frames.records, np.bool_)
+    for first, shape, offsets in runs:
+        for start in range(0, len(offsets), _SELECTED_AT_ONCE):
+            part = offsets[start : start + _SELECTED_AT_ONCE]
+            here = slice(first + start, first + start + len(part))
+            host_s[here], kept[here] = _looked_at(data, part, shape, wanted)
+            release()
+    if wanted.time_s is not None:
+        kept = _with_neighbours(kept)
+    left = ~kept
+    frames.left_out = int(np.count_nonzero(left))
+    left &= np.isfinite(host_s)
+    if np.any(left):
+        first_s, last_s = np.min(host_s, where=left, initial=np.inf), np.max(host_s, where=left, initial=-np.inf)
+        frames.left_out_s = float(first_s), float(last_s)
+    frames.groups, frames.records = defaultdict(list), 0
+    for first, shape, offsets in runs:
+        chosen = np.flatnonzero(kept[first : first + len(offsets)])
+        for stretch in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
+            if len(stretch):
+                frames.groups[shape].append((frames.records, offsets[stretch]))
+                frames.records += len(stretch)
+
+
+def _looked_at(
+    data: npt.NDArray[np.uint8], offsets: npt.NDArray[np.intp], shape: Shape, wanted: Wanted
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Host times (N,), nan in layout 20, of records whose bodies are at `offsets`, evenly spaced; which are wanted."""
+    layout = shape[0]
+    step = int(offsets[1] - offsets[0]) if len(offsets) > 1 else layout
+    rows = np.lib.stride_tricks.as_strided(data[offsets[0] :], (len(offsets), layout), (step, 1))
+    host_s, kept = np.full(len(offsets), np.nan), np.ones(len(offsets), np.bool_)
+    if layout >= 34:
+        host_s = _column(rows, 20, "<u4") + _column(rows, 24, "<u4") * 1e-6
+        if wanted.time_s is not None:
+            kept &= (host_s >= wanted.time_s[0]) & (host_s <= wanted.time_s[1])
+    if wanted.counters is not None and layout == 38:
+        counters = _column(rows, 34, "<u4")
+        kept &= (counters >= wanted.counters[0]) & (counters <= wanted.counters[1])
+    return host_s, kept
+
+
+def _with_neighbours(kept: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """And some on either side: what is far off by its time may have come right after, by a clock that was set."""
+    widened = kept.copy()
+    for edge in np.unique((np.flatnonzero(np.diff(kept)) + 1) // _NEIGHBOURS) * _NEIGHBOURS:
+        widened[max(0, edge - _NEIGHBOURS) : edge + 2 * _NEIGHBOURS] = True
+    return widened
+
+
+def _frames(data: Content) -> _Frames:
     """Goes from length to length; where one leads to no record, on to the next CSI record there is."""
     view, found = memoryview(data), _Frames()
     array = np.frombuffer(data, np.uint8)
+    release = _release_of(data)
     runs: list[_Run] = []
-    start = 0
+    start = released = 0
     while len(view) - start > 2:
+        if start - released > _MAPPED_BYTES:
+            release()
+            released = start
         end = _end(view, start)
         shape = _csi_shape(view, start)
         if shape is not None:
             # Logs are long runs of records of one shape: the first shows it, the others are compared with it at once.
-            runs.append(_Run(shape, start, end - start, _repeats(array, start, end - start)))
+            runs.append(_Run(shape, start, end - start, _repeats(array, start, end - start, release)))
             start = runs[-1].end
         elif _leads_on(view, end):
             found.count(view[start + 2] if end - start > 2 else CSI_CODE, start, end)
@@ -164,7 +275,7 @@ def _frames(data: bytes) -> _Frames:
     return found
 
 
-def _repeats(data: npt.NDArray[np.uint8], start: int, size: int) -> int:
+def _repeats(data: npt.NDArray[np.uint8], start: int, size: int, release: Callable[[], None]) -> int:
     """How many records from `start` on are like the first: same length, code, antennas and payload length."""
     count, chunk = 1, 8
     while available := min(chunk, (len(data) - start) // size - count):
@@ -175,6 +286,7 @@ def _repeats(data: npt.NDArray[np.uint8], start: int, size: int) -> int:
             return count + int(differs[0])
         count += available
         chunk = 4096
+        release()
     return count
 
 
@@ -206,7 +318,7 @@ def _is_cut_csi(view: memoryview, start: int) -> bool:
     return True
 
 
-def _search(data: bytes, start: int, runs: list[_Run]) -> tuple[int, int]:
+def _search(data: Content, start: int, runs: list[_Run]) -> tuple[int, int]:
     """Where the damage at `start` begins and where the next record does, or the file ends.
 
     It may have begun in the record before, whose length was then wrong in a way that it agreed with all others: that is
@@ -226,10 +338,10 @@ def _search(data: bytes, start: int, runs: list[_Run]) -> tuple[int, int]:
     return start, resumed
 
 
-def _next_csi(data: bytes, start: int) -> int:
+def _next_csi(data: Content, start: int) -> int:
     """Where the first CSI record at or behind `start` is; the length of `data` where there is none."""
     view, at = memoryview(data), start
-    while (code_at := data.find(CSI_CODE, at + 2)) >= 0:
+    while (code_at := data.find(_CSI_BYTE, at + 2)) >= 0:
         at = code_at - 2
         if _csi_shape(view, at) is not None:
             return at
@@ -250,7 +362,9 @@ def _leads_on(view: memoryview, start: int, frames: int = 2) -> bool:
     return _leads_on(view, end, frames - 1)
 
 
-def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int) -> CsiLog:
+def _decode(
+    path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int, release: Callable[[], None]
+) -> CsiLog:
     max_tx = max((n_tx for _, _, n_tx in frames.groups), default=1)
     header = np.zeros((count, 38), np.uint8)
     layouts = np.zeros(count, np.uint8)
@@ -264,6 +378,7 @@ def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int
                 layouts[at] = layout
                 used = _decode_run(data, part, (layout, n_rx, n_tx), header[at], csi[at])
                 antennas = max(antennas, used)
+                release()
     stamped = layouts >= 34
     return CsiLog(
         path=path,
@@ -285,6 +400,8 @@ def _decode(path: Path, data: npt.NDArray[np.uint8], frames: _Frames, count: int
         malformed_count=frames.malformed,
         skipped_bytes=frames.skipped_bytes,
         truncated_bytes=frames.truncated_bytes,
+        left_out_count=frames.left_out,
+        left_out_s=frames.left_out_s,
     )
 
 

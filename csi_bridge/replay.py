@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, Protocol, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from csi_bridge.dat import DatFileError, frame_offsets
-from csi_bridge.feitcsi.clock import fine_us
+from csi_bridge.clock import median_of_five
+from csi_bridge.dat import Content, DatFileError, frame_offsets
 from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
-from csi_bridge.parser import parse_body
-from csi_bridge.records import CsiError, CsiRecord
+from csi_bridge.parser import HEADER, STAMP, body_shape
+from csi_bridge.records import CSI_CODE, CsiError
 
 _SHORTEST_SLEEP_S: Final = 0.0005
+_DISAGREE_S: Final = 0.5
+_FIRST_BYTES: Final = 1 << 16
+"""More than the largest report of an AX card, so that damage at the beginning does not hide one."""
 
 
 class Feeder(Protocol):
@@ -38,9 +41,11 @@ class Tape:
     """
 
     path: Path
-    records: tuple[tuple[int, bytes], ...]
+    records: Sequence[tuple[int, bytes]]
     t_s: npt.NDArray[np.float64]
     is_wall_time: bool
+    due_s: npt.NDArray[np.float64]
+    """(N,) when to send each, from 0 on, spaced by the card's clock: the host's may have been set meanwhile."""
 
     @property
     def is_feitcsi(self) -> bool:
@@ -49,9 +54,9 @@ class Tape:
 
     @property
     def duration_s(self) -> float:
-        return float(self.t_s[-1] - self.t_s[0]) if len(self.t_s) else 0.0
+        return float(self.due_s[-1]) if len(self.due_s) else 0.0
 
-    def between(self, from_s: float, to_s: float) -> tuple[tuple[int, bytes], ...]:
+    def between(self, from_s: float, to_s: float) -> Sequence[tuple[int, bytes]]:
         """Records with from_s <= t < to_s."""
         first, last = np.searchsorted(self.t_s, [from_s, to_s])
         return self.records[first:last]
@@ -60,7 +65,10 @@ class Tape:
 def read_tape(path: Path) -> Tape:
     """Of whichever card, by what the file holds. Raises DatFileError for one that is no log, or has no CSI records."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(_FIRST_BYTES)
+            if is_feitcsi(data):
+                data += file.read()
     except OSError as error:
         raise DatFileError(f"{path}: {error.strerror}") from None
     if is_feitcsi(data) and (log := parse_log(data, path)).records:
@@ -71,37 +79,73 @@ def read_tape(path: Path) -> Tape:
 def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
     sizes = (HEADER_BYTES + 4 * record.csi.size for record in log.records)
     records = tuple((FEITCSI_CODE, data[at : at + size]) for at, size in zip(log.offsets, sizes, strict=True))
-    host_us = np.array([record.host_time_us for record in log.records], np.float64)
-    is_wall = bool(np.all(host_us > 0))
+    host_s = np.array([record.host_time_us for record in log.records], np.float64) * 1e-6
     stamps = np.array([record.timestamp_low_us for record in log.records], np.uint32)
-    card_us = fine_us(np.array([record.ftm_ticks for record in log.records], np.uint32), stamps)
-    times = host_us if is_wall else np.concatenate([[0], np.cumsum(np.maximum(np.diff(card_us), 0))])
-    return Tape(log.path, records, np.maximum.accumulate(times) * 1e-6, is_wall)
+    is_wall = bool(np.all(host_s > 0))
+    due_s = _spaced(stamps, host_s if is_wall else None)
+    return Tape(log.path, records, np.maximum.accumulate(host_s) if is_wall else due_s, is_wall, due_s)
 
 
 def _connector_tape(path: Path) -> Tape:
     data, frames = frame_offsets(path)
-    records = tuple((data[start + 2], data[start + 3 : end]) for start, end in frames)
+    records = _Records(data, frames)
     stamps, host_s = np.zeros(len(records), np.uint32), np.full(len(records), np.nan)
     for number, (code, body) in enumerate(records):
+        if code != CSI_CODE:
+            continue
         try:
-            record = parse_body(code, body)
+            layout, _, _ = body_shape(body)
         except CsiError:
             continue
-        if isinstance(record, CsiRecord):
-            stamps[number] = record.timestamp_low_us
-            host_s[number] = -1.0 if record.host_time_ns is None else record.host_time_ns * 1e-9
+        stamps[number] = HEADER.unpack_from(body)[0]
+        seconds, microseconds, _ = STAMP.unpack_from(body, HEADER.size) if layout > HEADER.size else (-1, 0, b"")
+        host_s[number] = seconds + microseconds * 1e-6
     known = np.flatnonzero(~np.isnan(host_s))
     if not len(known):
         raise DatFileError(f"{path}: no CSI records, so nothing tells when to send what")
     is_wall = bool(np.all(host_s[known] >= 0))
-    if is_wall:
-        times = np.maximum.accumulate(host_s[known])
-    else:
-        steps_us = np.diff(stamps[known]).view(np.int32).astype(np.int64)
-        times = np.maximum.accumulate(np.concatenate([[0], np.cumsum(np.maximum(steps_us, 0))]) * 1e-6)
+    due_s = _spaced(stamps[known], host_s[known] if is_wall else None)
+    times = np.maximum.accumulate(host_s[known]) if is_wall else due_s
     follower = np.minimum(np.searchsorted(known, np.arange(len(records))), len(known) - 1)
-    return Tape(path, records, times[follower], is_wall)
+    return Tape(path, records, times[follower], is_wall, due_s[follower])
+
+
+class _Records(Sequence[tuple[int, bytes]]):
+    """Records of a log, each cut out when it is asked for: a file may be larger than what it is used for."""
+
+    def __init__(self, data: Content, frames: npt.NDArray[np.int64]) -> None:
+        self._data = data
+        self._frames = frames
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[int, bytes]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> _Records: ...
+
+    def __getitem__(self, index: int | slice) -> tuple[int, bytes] | _Records:
+        if isinstance(index, slice):
+            return _Records(self._data, self._frames[index])
+        start, end = self._frames[index].tolist()
+        return self._data[start + 2], self._data[start + 3 : end]
+
+
+def _spaced(stamps_us: npt.NDArray[np.uint32], host_s: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """(N,) from 0 on by the card's clock. Where it and the host's disagree by more than half a second, one of them was
+    set or reset, and the lesser step counts; alone, a single wrong stamp moves nothing behind it."""
+    # A difference of uint32 wraps as the counter does; read as int32 it is signed.
+    card_s = np.diff(stamps_us).view(np.int32).astype(np.float64) * 1e-6
+    if host_s is None:
+        reached_s = median_of_five(np.concatenate([[0.0], np.cumsum(card_s)]))
+        card_s = np.diff(reached_s)
+    else:
+        wall_s = np.diff(host_s)
+        differ = np.abs(card_s - wall_s) > _DISAGREE_S
+        card_s = np.where(differ, np.minimum(np.maximum(card_s, 0.0), np.maximum(wall_s, 0.0)), card_s)
+    return np.concatenate([[0.0], np.cumsum(np.maximum(card_s, 0.0))])
 
 
 def play(
@@ -113,8 +157,8 @@ def play(
     due = taken = 0
     shown_s = start_s
     while due < len(tape.records):
-        reached_s = tape.t_s[0] + (now_s() - start_s) * rate
-        last = int(np.searchsorted(tape.t_s, reached_s, "right"))
+        reached_s = (now_s() - start_s) * rate
+        last = int(np.searchsorted(tape.due_s, reached_s, "right"))
         for code, body in tape.records[due:last]:
             taken += feeder.send(code, body)
         due = max(due, last)
@@ -122,5 +166,5 @@ def play(
             shown_s = now_s()
             yield due, taken
         if due < len(tape.records):
-            time.sleep(max(_SHORTEST_SLEEP_S, (float(tape.t_s[due]) - reached_s) / rate))
+            time.sleep(max(_SHORTEST_SLEEP_S, (float(tape.due_s[due]) - reached_s) / rate))
     yield due, taken

@@ -1,4 +1,4 @@
-"""CSI in absolute units, its subcarriers, and the spatial mapping of the sender taken out.
+"""CSI in absolute units, and the spatial mapping of the sender taken out.
 
 The card scales each report to its 8 bits; the power is in rssi and agc. Formulae and matrices are those of the 802.11n
 CSI Tool's get_total_rss.m, get_scaled_csi.m and remove_sm.m (D. Halperin).
@@ -17,10 +17,10 @@ from csi_bridge.records import SUBCARRIERS, CsiRecord
 HT_FLAG: Final = 1 << 8
 HT40_FLAG: Final = 1 << 11
 """Bits of the rate field (rate_n_flags of iwlwifi)."""
-INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
-INDICES_40MHZ: Final = (*range(-58, 0, 4), *range(2, 59, 4))
 _RSSI_OFFSET_DB: Final = 44
 _SPACING_HZ: Final = 312_500.0
+_INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
+_INDICES_40MHZ: Final = tuple(range(-58, 59, 4))
 _NO_NOISE: Final = -127
 _DEFAULT_NOISE_DBM: Final = -92
 # The transmitter shares its power among its streams: 2 take 3 dB. The CSI Tool counts 4.5 dB, not 4.8, for 3.
@@ -30,19 +30,19 @@ Complex = npt.NDArray[np.complex64]
 
 
 def is_40mhz(rate: int) -> bool:
+    """The one rule on such records, in flight and in recordings: they are counted and left out, because estimates are
+    made from the subcarriers of 20 MHz."""
     return bool(rate & HT40_FLAG)
 
 
-def subcarrier_indices(rate: int) -> npt.NDArray[np.int64]:
-    """Indices (30,) of the subcarriers in a report at this rate, in steps of 312.5 kHz from the channel centre."""
-    indices = INDICES_40MHZ if is_40mhz(rate) else INDICES_20MHZ
-    assert len(indices) == SUBCARRIERS
-    return np.array(indices, np.int64)
+def are_40mhz(rates: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
+    """`is_40mhz` of each (N,)."""
+    return np.asarray(rates & HT40_FLAG != 0)
 
 
 def subcarrier_hz(rate: int) -> npt.NDArray[np.float64]:
-    """Their frequencies (30,) from the channel's centre."""
-    return np.asarray(subcarrier_indices(rate) * _SPACING_HZ, np.float64)
+    """Frequencies (30,) of the subcarriers in a report at this rate, from the channel's centre."""
+    return np.array(_INDICES_40MHZ if is_40mhz(rate) else _INDICES_20MHZ, np.float64) * _SPACING_HZ
 
 
 def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:
@@ -61,15 +61,6 @@ def scaled_csi(record: CsiRecord) -> Complex:
     noise_dbm = _DEFAULT_NOISE_DBM if record.noise_dbm == _NO_NOISE else record.noise_dbm
     noise = 10 ** (noise_dbm / 10) + scale * record.n_rx * record.n_tx
     return np.asarray(record.csi * np.float32(np.sqrt(scale / noise) * _STREAM_GAIN[record.n_tx - 1]), np.complex64)
-
-
-def power_csi(record: CsiRecord) -> Complex:
-    """CSI (30, n_rx, n_tx) in sqrt(mW): the mean over subcarriers of its summed power is what was received."""
-    power = float(np.square(np.abs(record.csi)).sum())
-    if power == 0:
-        return record.csi.copy()
-    scale = 10 ** (total_rss_dbm(record.rssi, record.agc) / 10) / (power / SUBCARRIERS)
-    return np.asarray(record.csi * np.float32(np.sqrt(scale)), np.complex64)
 
 
 def without_spatial_mapping(csi: Complex, rate: int) -> Complex:

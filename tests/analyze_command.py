@@ -13,13 +13,13 @@ TX_PLACE = (3.0, 6.0, 2.5)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Ended:
     code: int
     out: str
     err: str
 
 
-Cli = Callable[..., Outcome]
+Cli = Callable[..., Ended]
 
 
 def links(path: Path) -> dict[str, dict[str, Any]]:
@@ -27,5 +27,5 @@ def links(path: Path) -> dict[str, dict[str, Any]]:
     return {link["tx"]: link for run in content["runs"] for link in run["links"]}
 
 
-def one_line(outcome: Outcome) -> bool:
+def one_line(outcome: Ended) -> bool:
     return len(outcome.err.strip().splitlines()) == 1 and "Traceback" not in outcome.err and not outcome.out.strip()

@@ -20,7 +20,7 @@ import numpy as np
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import Options
 from companion.analysis.runs import Run, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, read_trajectory
 from companion.config.schema import AutopilotConfig, Config, CsiConfig, NeighbourConfig, Peer, PoseConfig
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
@@ -28,22 +28,23 @@ from companion.core.recorder import Recorder
 from companion.log.recorder import McapRecorder
 from companion.neighbours.keys import write_key
 from companion.pose import wire as pose_wire
-from companion.radio.card import ChannelSample
 from companion.roles.beacon import Beacon
+from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.sensing.window import ApertureReport, SarWindow
-from csi_bridge.netlink import NetlinkFeeder, connector_available
+from csi_bridge.netlink import NetlinkFeeder
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
 from csi_bridge.replay import Feeder, Tape, read_tape
 from csi_bridge.unix_socket import UnixFeeder
+from tests.connectors import UNAVAILABLE, claimed
 from wsr.channel import wavelength_m
 from wsr.estimators import ESTIMATORS
 
 RX_ID: Final = 1
-CONNECTORS: Final = (20, 21, 22, 23)
-"""Not those of the driver, nor of a demo or other tests on this machine."""
 RX_MAC: Final = {"wsr_dataset_dev": "00:21:6A:53:89:D2", "wsr_3d": "00:21:6A:C5:FC:00"}
+_ROBOTS: Final = 4
+"""The most in one recording."""
 _TAIL_S: Final = 1.0
 _ZERO_S: Final = 1000.0
 """On the receiving robot's clock when the tapes start: a host has been up for a while."""
@@ -159,12 +160,16 @@ class _Robot:
 
 def transport() -> tuple[str, str]:
     """netlink where this machine permits it, else unix with the reason."""
-    reason = connector_available(CONNECTORS[0])
-    return ("netlink", "") if reason is None else ("unix", reason)
+    return ("netlink", "") if UNAVAILABLE is None else ("unix", UNAVAILABLE)
 
 
 async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     """Plays all of `run` and cuts one aperture for each transmitter."""
+    with claimed(_ROBOTS) as connectors:
+        return await _run_on(connectors, run, kind, folder)
+
+
+async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     assert run.rx is not None
     trajectory = read_trajectory(run.trajectories[kind], kind)
     rx, tapes = read_tape(run.rx), {name: read_tape(path) for name, path in sorted(run.tx.items())}
@@ -173,12 +178,16 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
     assert run.truth is not None
     channel = read_truth(run.truth).channel
     timeline = Timeline()
-    robots = _robots(run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel)
-    recorder = McapRecorder(folder / "log.mcap", robots[0].config, EventClock(robots[0].clock))
-    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S)
+    robots = _robots(
+        run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel, connectors
+    )
     uav, beacons = robots[0], robots[1:]
-    uav.node = Node(uav.config, uav.clock, recorder, window.add_sample, window.add_pose)
-    window.nic_clock = uav.node.radio.nic_clock
+    clock = EventClock(uav.clock)
+    recorder = McapRecorder(folder / "log.mcap", uav.config, clock)
+    uav.node = node = Node(uav.config, clock, recorder, LiveInputs(uav.config))
+    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S, node.radio.nic_clock)
+    node.samples.connect(window.add_sample)
+    node.poses.connect(window.add_pose)
     for robot in beacons:
         robot.node = _beacon_node(robot, recorder)
     async with asyncio.TaskGroup() as tasks:
@@ -223,15 +232,12 @@ async def run_live(run: Run, kind: PoseKind, folder: Path) -> list[LiveLink]:
 
 
 def _beacon_node(robot: _Robot, recorder: Recorder) -> Node:
-    def on_sample(sample: ChannelSample) -> None:
-        beacon.add_sample(sample)
-
-    node = Node(robot.config, robot.clock, recorder, on_sample, lambda _: None)
-    beacon = Beacon(node.sender)
+    node = Node(robot.config, EventClock(robot.clock), recorder, LiveInputs(robot.config))
+    node.samples.connect(Beacon(node.sender).add_sample)
     return node
 
 
-async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory, duration_s: float) -> None:
+async def _play(timeline: Timeline, robots: list[_Robot], trajectory: RecordedTrajectory, duration_s: float) -> None:
     uav = robots[0]
     keep = np.isfinite(trajectory.p_enu_m).all(axis=1)
     pose_s, pose_m = trajectory.t_s[keep] - uav.play_from_s, trajectory.p_enu_m[keep]
@@ -253,7 +259,14 @@ async def _play(timeline: Timeline, robots: list[_Robot], trajectory: Trajectory
 
 
 def _robots(
-    run: Run, macs: dict[str, str], rx: Tape, tapes: dict[str, Tape], folder: Path, timeline: Timeline, channel: int
+    run: Run,
+    macs: dict[str, str],
+    rx: Tape,
+    tapes: dict[str, Tape],
+    folder: Path,
+    timeline: Timeline,
+    channel: int,
+    connectors: list[int],
 ) -> list[_Robot]:
     """The receiving robot first. Tapes start together as the air did; clocks differ as they did."""
     kind, _ = transport()
@@ -273,7 +286,7 @@ def _robots(
             if name == "rx"
             else [Peer(RX_ID, "rx", rx_mac, str(folder / "rx" / "own.key"))]
         )
-        index = CONNECTORS[number - 1]
+        index = connectors[number - 1]
         config = Config(
             role="uav" if name == "rx" else "beacon",
             id=number,

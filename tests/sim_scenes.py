@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,6 @@ import numpy as np
 from companion.sim.scenario import CsiEndpoint, RadioScenario, RobotScenario, Scenario, VioScenario
 from companion.sim.trajectory import Array, Trajectory
 
-UAV_CONNECTOR, BEACON_CONNECTOR = 31, 32
-"""Groups are one for the whole machine: not those of the driver, nor of a demo that runs beside the tests."""
 UAV_MAC = "00:21:6A:00:00:01"
 BEACON_MAC = "00:21:6A:00:00:02"
 CLEAN_RADIO = RadioScenario(
@@ -32,18 +31,18 @@ def scene(
     seed: int = 1,
     radio: RadioScenario | None = None,
     folder: Path = Path("unused"),
-    transport: str = "unix",
+    connectors: Sequence[int] = (),
     uav_ppm: float = 1.5,
     beacon_ppm: float = -0.5,
     beacon_clock_offset_s: float = 38.0,
 ) -> Scenario:
-    """A scenario with sockets in `folder`; netlink uses UAV_CONNECTOR and BEACON_CONNECTOR."""
+    """A scenario with sockets in `folder`; its CSI comes by the two `connectors` if any are given."""
 
-    def robot(name: str, mac: str, idx: int, height_m: float, ppm: float, offset_s: float) -> RobotScenario:
+    def robot(name: str, mac: str, height_m: float, ppm: float, offset_s: float) -> RobotScenario:
         endpoint = (
             CsiEndpoint("unix", path=str(folder / f"{name}-csi.sock"))
-            if transport == "unix"
-            else CsiEndpoint("netlink", connector_idx=idx)
+            if not connectors
+            else CsiEndpoint("netlink", connector_idx=connectors[name == "beacon"])
         )
         return RobotScenario(
             mac=mac,
@@ -56,8 +55,8 @@ def scene(
 
     return Scenario(
         seed=seed,
-        uav=robot("uav", UAV_MAC, UAV_CONNECTOR, 0.1, uav_ppm, 0.0),
-        beacon=robot("beacon", BEACON_MAC, BEACON_CONNECTOR, 0.5, beacon_ppm, beacon_clock_offset_s),
+        uav=robot("uav", UAV_MAC, 0.1, uav_ppm, 0.0),
+        beacon=robot("beacon", BEACON_MAC, 0.5, beacon_ppm, beacon_clock_offset_s),
         truth_in=str(folder / "truth-in.sock"),
         truth_out=str(folder / "truth-out.sock"),
         radio=radio or RadioScenario(),

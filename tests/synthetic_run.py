@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,17 +53,26 @@ def path_m(t_s: Array, flat: bool = False) -> Array:
     return np.stack([0.25 * np.cos(angle) + 1.0, 0.25 * np.sin(angle) - 2.0, 0.3 + height], axis=1)
 
 
-def write_run(folder: Path, p_tx_m: tuple[float, float, float], layout: int = 38, flat: bool = False) -> RunFolder:
-    """Writes all files of a run; the answers come 0.3 ms after the pings and host clocks agree."""
+def write_run(
+    folder: Path,
+    p_tx_m: tuple[float, float, float],
+    layout: int = 38,
+    flat: bool = False,
+    tx_moves_m: Callable[[Array], Array] | None = None,
+    tx_clock_s: float = 0.0,
+) -> RunFolder:
+    """Writes all files of a run; the answers come 0.3 ms after the pings. `tx_moves_m` gives the transmitter's way
+    (N, 3) from `p_tx_m` at times (N,); its host's clock is `tx_clock_s` ahead."""
     files = RunFolder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(3)
     t_s = np.linspace(0.1, SECONDS - 0.1, EXCHANGES)
-    distance_m = np.linalg.norm(path_m(t_s, flat) - np.array(p_tx_m), axis=1)
+    way_m = np.zeros((EXCHANGES, 3)) if tx_moves_m is None else tx_moves_m(t_s)
+    distance_m = np.linalg.norm(path_m(t_s, flat) - np.array(p_tx_m) - way_m, axis=1)
     one_way = np.exp(-2j * np.pi * distance_m / wavelength_m(CHANNEL))
     oscillators = np.exp(2j * np.pi * rng.random(EXCHANGES))
     answers = [_record(n, t_s[n] + 3e-4, TX_MAC, one_way[n] * oscillators[n], layout, rng) for n in range(EXCHANGES)]
-    pings = [_record(n, t_s[n], RX_MAC, one_way[n] / oscillators[n], layout, rng) for n in range(EXCHANGES)]
+    pings = [_record(n, t_s[n], RX_MAC, one_way[n] / oscillators[n], layout, rng, tx_clock_s) for n in range(EXCHANGES)]
     files.rx.write_bytes(encode_log(answers) + encode_log(answers[:1])[:40])
     files.tx.write_bytes(encode_log(pings))
     pose_t_s = np.arange(0.0, SECONDS, 0.01)
@@ -77,7 +87,15 @@ def write_run(folder: Path, p_tx_m: tuple[float, float, float], layout: int = 38
     return files
 
 
-def _record(number: int, t_s: float, mac: str, channel: complex, layout: int, rng: np.random.Generator) -> CsiRecord:
+def _record(
+    number: int,
+    t_s: float,
+    mac: str,
+    channel: complex,
+    layout: int,
+    rng: np.random.Generator,
+    clock_s: float = 0.0,
+) -> CsiRecord:
     delay = np.exp(1j * rng.uniform(-0.3, 0.3) * SUBCARRIERS_20MHZ)
     csi = np.zeros((30, 3, 1), np.complex128)
     # Antenna B has the signal, the others a count of noise.
@@ -95,7 +113,7 @@ def _record(number: int, t_s: float, mac: str, channel: complex, layout: int, rn
         rate=0x101,
         csi=np.round(csi.real).astype(np.complex64) + 1j * np.round(csi.imag).astype(np.complex64),
         layout=layout,
-        host_time_ns=round((START_S + t_s) * 1e6) * 1000,
+        host_time_ns=round((START_S + t_s + clock_s) * 1e6) * 1000,
         mac=bytes.fromhex(mac.replace(":", "")),
         frame_count=number + 1 if layout == 38 else None,
     )

@@ -1,4 +1,4 @@
-"""Angle of arrival: what an estimate says about itself, and what makes one."""
+"""Angle of arrival: what an estimate says about itself, and the protocol of what makes one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Cone:
     angle_std_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AoaEstimate:
     """Direction from `reference_p_m` (ENU) at `reference_t_s` to the transmitter, azimuth in [-pi, pi), and its range.
 
@@ -75,11 +75,3 @@ class Estimator(Protocol):
 
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and the profile it was read from. Raises ApertureError."""
-
-
-def estimate_aoa(aperture: Aperture) -> tuple[AoaEstimate, Profile]:
-    """The `robust` estimate with its defaults. Raises ApertureError."""
-    # Estimators import this module for what they return.
-    from wsr.estimators.robust import Robust
-
-    return Robust().estimate(aperture)

@@ -24,7 +24,7 @@ _MIN_EXTENT_SHARE = 0.03
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Aperture:
     """Packets of one transmitter over one stretch of motion, world axes ENU.
 

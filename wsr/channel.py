@@ -10,6 +10,12 @@ from wsr.ofdm import GRID_5300, INDICES_5300_20MHZ, UNIT_HZ, Grid, known
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 SUBCARRIER_SPACING_HZ = UNIT_HZ
 SUBCARRIERS_20MHZ: NDArray[np.int64] = INDICES_5300_20MHZ
+CHANNELS_5GHZ = frozenset((*range(36, 65, 4), *range(100, 145, 4), *range(149, 178, 4)))
+"""Numbers of the 20 MHz channels at 5 GHz."""
+_CENTRES_WIDE = frozenset(
+    (*range(38, 63, 8), *range(102, 143, 8), *range(151, 176, 8), 42, 58, 106, 122, 138, 155, 171, 50, 114, 163)
+)
+"""Numbers that name the middle of 40, 80 or 160 MHz."""
 
 _COUNTER_MODULUS = 2**32
 _SLOPE_STEPS = 3
@@ -19,14 +25,22 @@ Indices = NDArray[np.intp]
 
 
 def channel_frequency_hz(channel: int) -> float:
-    """Centre frequency of a 5 GHz channel, 5000 + 5 n MHz. Raises ValueError outside 1..200."""
-    if not 1 <= channel <= 200:
-        raise ValueError(f"channel {channel} is not a 5 GHz channel number (1..200)")
-    return (5000.0 + 5.0 * channel) * 1e6
+    """Centre frequency of a channel of `CHANNELS_5GHZ`, 5000 + 5 n MHz. Raises ValueError for any other number, which
+    says what it is: the one place that knows which channels there are."""
+    if channel in CHANNELS_5GHZ:
+        return (5000.0 + 5.0 * channel) * 1e6
+    if 1 <= channel <= 14:
+        # Its reports there have a phase known but for quarter turns, and the exchange's product keeps them.
+        what = "is a 2.4 GHz channel, where the card's phase is ambiguous by quarter turns"
+    elif channel in _CENTRES_WIDE:
+        what = "is the centre of a wide channel; the card listens on one of 20 MHz beside it"
+    else:
+        what = "is no 5 GHz channel"
+    raise ValueError(f"channel {channel} {what}; expected one of 36, 40 .. 64, 100, 104 .. 144, 149, 153 .. 177")
 
 
 def wavelength_m(channel: int) -> float:
-    """Wavelength at the centre of a 5 GHz channel, in metres."""
+    """Wavelength at the centre of a 5 GHz channel, in metres. Raises ValueError as `channel_frequency_hz`."""
     return SPEED_OF_LIGHT_M_S / channel_frequency_hz(channel)
 
 

@@ -11,12 +11,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.analysis.exchanges import PacketTimes, damage, heard_s, join, read_log, transmitter_mac
-from companion.analysis.result import Bearing, LinkResult, Options, RunResult
+from companion.analysis.exchanges import Exchanges, PacketTimes, damage, heard_s, join, read_log, transmitter_mac
+from companion.analysis.result import Direction, LinkResult, Options, RunResult
 from companion.analysis.runs import RecordingError, Run
 from companion.analysis.scene import (
     MAX_POSE_GAP_S,
     Scene,
+    TxPath,
+    check_clock,
     lever_of,
     missing_files,
     read_scene,
@@ -26,6 +28,7 @@ from companion.analysis.scene import (
 )
 from companion.analysis.trajectories import PoseKind
 from companion.errors import CompanionError
+from csi_bridge.dat import CsiLog
 from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture, make_aperture
 from wsr.displacement import interpolate
@@ -35,6 +38,7 @@ from wsr.estimators.robust import Robust
 from wsr.geometry import angles, wrap_angle
 
 OUTSIDE: Final = "outside trajectory"
+OUTSIDE_TX: Final = "outside the transmitter's trajectory"
 _MIN_RELIABILITY: Final = 0.1
 _MIN_SEEN: Final = 0.8
 
@@ -55,7 +59,7 @@ def analyze_run(run: Run, options: Options) -> RunResult:
 
 def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunResult]:
     """As `analyze_run`, one result for each of `estimators`; the files are read and joined once."""
-    kind = options.kind or next((kind for kind in PoseKind if kind in run.trajectories), None)
+    kind = options.kind or next((kind for kind in PoseKind if kind in {*run.trajectories, *run.ambiguous}), None)
     missing = tuple(missing_files(run, kind, options.kind))
     lever_m = lever_of(kind, options)
     if run.rx is None or kind is None or missing:
@@ -68,7 +72,13 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
         scene = read_scene(run, run.rx, kind, options, truth, problems)
     except CompanionError as error:
         failed = RunResult(
-            run, kind, problems=tuple(problems), failure=str(error), truth_problem=truth_problem, lever_m=lever_m
+            run,
+            kind,
+            problems=tuple(problems),
+            failure=str(error),
+            truth_problem=truth_problem,
+            lever_m=lever_m,
+            trajectory=run.trajectories[kind],
         )
         return [failed] * len(estimators)
     missing = tuple(without_log(run, scene.rx, options))
@@ -83,6 +93,8 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
             tuple(problems),
             truth_problem=truth_problem,
             lever_m=lever_m,
+            trajectory=scene.trajectory.path,
+            layout=scene.trajectory.layout,
         )
         for estimator in estimators
     ]
@@ -95,7 +107,7 @@ def _estimator(options: Options) -> Estimator:
 def _joined(scene: Scene, name: str, path: Path, given_mac: str | None) -> _Joined:
     result = LinkResult(name)
     try:
-        tx = read_log(path)
+        tx = read_log(path, scene.wanted_tx)
         result = replace(result, notes=tuple(damage(tx)))
         mac = transmitter_mac(name, scene.rx, tx, given_mac)
         heard = heard_s(scene.rx, mac)
@@ -108,8 +120,17 @@ def _joined(scene: Scene, name: str, path: Path, given_mac: str | None) -> _Join
             raise RecordingError(
                 f"{scene.trajectory.path}: has no poses less than {MAX_POSE_GAP_S} s apart while {name} was heard"
             )
-        outside = int(np.count_nonzero(~inside))
-        result = replace(result, dropped={**exchanges.dropped, **({OUTSIDE: outside} if outside else {})})
+        dropped = {**exchanges.dropped, OUTSIDE: int(np.count_nonzero(~inside))}
+        if name in scene.tx_paths:
+            result = replace(result, trajectory=scene.tx_paths[name].trajectory.path)
+            p_tx_m, inside_tx = _tx_positions(name, scene.tx_paths[name], tx, exchanges)
+            dropped[OUTSIDE_TX] = int(np.count_nonzero(inside & ~inside_tx))
+            inside &= inside_tx
+            if not np.any(inside):
+                raise RecordingError(f"{scene.trajectory.path}: has no poses while {name}'s trajectory has some")
+            # chi = (p_i - p_i0) - (p_j - p_j0): what the transmitter did, the receiver did the other way.
+            p_m = p_m - (p_tx_m - p_tx_m[inside][0])
+        result = replace(result, dropped={reason: count for reason, count in dropped.items() if count})
         t_s = exchanges.t_s[inside]
         result = replace(result, times=replace(times, used_s=t_s))
         aperture = make_aperture(
@@ -126,6 +147,25 @@ def _joined(scene: Scene, name: str, path: Path, given_mac: str | None) -> _Join
     return _Joined(result, aperture, t_s)
 
 
+def _tx_positions(
+    name: str, path: TxPath, tx: CsiLog, exchanges: Exchanges
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Where the transmitter's antenna was (K, 3) at each exchange, and whether that is known (K,). Its own host stamped
+    both its poses and its packets."""
+    trajectory = path.trajectory
+    check_clock(tx, trajectory)
+    p_m, inside = interpolate(exchanges.tx_t_s, trajectory.t_s, path.p_antenna_m, MAX_POSE_GAP_S)
+    if not np.any(inside):
+        apart_s = float(np.median(exchanges.t_s - exchanges.tx_t_s))
+        raise RecordingError(
+            f"{trajectory.path}: has no poses less than {MAX_POSE_GAP_S} s apart while {name} was heard: it spans "
+            f"{trajectory.t_s[0]:.3f} to {trajectory.t_s[-1]:.3f}, the packets {exchanges.tx_t_s.min():.3f} to "
+            f"{exchanges.tx_t_s.max():.3f} on {name}'s clock, which is {-apart_s:+.3f} s to the receiver's; "
+            f"--tx-time-offset {name}=S moves its stamps"
+        )
+    return p_m, inside
+
+
 def _estimated(scene: Scene, joined: _Joined, estimator: Estimator) -> LinkResult:
     result, aperture = joined.result, joined.aperture
     if aperture is None or joined.t_s is None:
@@ -138,7 +178,7 @@ def _estimated(scene: Scene, joined: _Joined, estimator: Estimator) -> LinkResul
     offset_m = np.subtract(estimate.reference_p_m, aperture.reference_p_m)
     result = replace(result, estimate=estimate, profile=profile, notes=notes)
     try:
-        return replace(result, truth=_true_bearing(scene, result.name, joined.t_s, offset_m))
+        return replace(result, truth=_true_direction(scene, result.name, joined.t_s, offset_m))
     except _UnknownTruth as error:
         return replace(result, truth_problem=str(error))
 
@@ -171,11 +211,15 @@ class _UnknownTruth(CompanionError):
     """Where the two robots were is not known."""
 
 
-def _true_bearing(scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]) -> Bearing:
+def _true_direction(
+    scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]
+) -> Direction:
     """From the estimate's reference point: the mean true position at the packets plus `offset_m`, which is how far the
     estimator's weights move it. Raises _UnknownTruth."""
     if scene.truth is None:
         raise _UnknownTruth("no true positions")
+    if name in scene.tx_paths:
+        raise _UnknownTruth(f"{scene.truth.path}: has one place of {name}, which moves")
     if name not in scene.truth.transmitters:
         raise _UnknownTruth(f"{scene.truth.path}: has no position of {name}")
     if scene.mocap is None:
@@ -188,4 +232,4 @@ def _true_bearing(scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_
             f"the receiver's true place is not known: {scene.mocap.path}: has poses at {seen} of {len(t_s)} packets"
         )
     azimuth_rad, polar_rad = angles(scene.truth.transmitters[name] - p_m[inside].mean(axis=0) - offset_m)
-    return Bearing(float(azimuth_rad), float(polar_rad))
+    return Direction(float(azimuth_rad), float(polar_rad))

@@ -21,9 +21,13 @@ UNEVALUATED_DEG = 180.0
 """The error of a link that has its files but gave no estimate: as wrong as can be."""
 _WITHIN_DEG = 10.0
 _RELIABLE = 0.8
+MIN_RANKED = 50
+"""Links; of fewer a ranking is chance, and people are shown none."""
+_DRAWS = 500
+_DRAWN_FROM = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
     """One link. `error_deg` is |azimuth error| at the estimate's own reference point."""
 
@@ -62,16 +66,25 @@ class Figures:
 
 @dataclass(frozen=True, slots=True)
 class Trust:
-    """What the reliability is worth over all links. Areas are under the curves of `risk_coverage`, in degrees."""
+    """What the reliability is worth over all links, and whether the more reliable are the better ones.
 
+    Areas are under the curves of `risk_coverage`, in degrees; intervals hold 95 % of what as many links, drawn from
+    these with replacement, give.
+    """
+
+    links: int
     reliable: int
     """Links whose reliability is above 0.8."""
     reliable_within_3_std: float | None
     """Share of those whose azimuth error is within 3 of their standard deviations; None if there are none."""
     area_reliability_deg: float
     area_profile_variance_deg: float
+    area_difference_deg: tuple[float, float]
+    """Interval of the first less the second: of one sign where one ranks better than the other."""
     best_half: Figures
     """The more reliable half of the links."""
+    best_half_gain_deg: tuple[float, float]
+    """Interval of the mean error of all links less that of this half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +115,7 @@ class RunRows:
     notes: list[Note]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
     """`sets` counts every link that has files; `reliable` only those at or above the reliability asked for."""
 
@@ -137,16 +150,16 @@ def evaluation(
     rows = sorted((row for run in found for row in run.links), key=lambda row: (row.set, row.position, row.run, row.tx))
     reliable = [row for row in rows if row.reliability >= min_reliability]
     return Evaluation(
-        poses,
-        estimator,
-        min_reliability,
-        _by_set(rows),
-        _by_set(reliable),
-        trust(rows),
-        rows,
-        sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
-        sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
-        lever_m,
+        poses=poses,
+        estimator=estimator,
+        min_reliability=min_reliability,
+        sets=_by_set(rows),
+        reliable=_by_set(reliable),
+        trust=trust(rows),
+        links=rows,
+        left_out=sorted((entry for run in found for entry in run.left_out), key=lambda entry: entry.run),
+        notes=sorted((note for run in found for note in run.notes), key=lambda note: (note.set, note.run)),
+        lever_m=lever_m,
     )
 
 
@@ -154,15 +167,45 @@ def trust(links: Sequence[LinkRow]) -> Trust:
     """What the reliability of these links, one at least, is worth."""
     sure = [row for row in links if row.reliability > _RELIABLE and row.azimuth_std_deg is not None]
     within = [row.error_deg <= 3 * (row.azimuth_std_deg or 0.0) for row in sure]
-    by_reliability = sorted(links, key=lambda row: -row.reliability)
-    half = by_reliability[: max(1, len(links) // 2)]
+    differences, gains = _drawn(links)
     return Trust(
+        len(links),
         len(sure),
         float(np.mean(within)) if sure else None,
-        float(risk_coverage(links)[1].mean()),
-        float(risk_coverage(links, by_profile_variance=True)[1].mean()),
-        _figures([row.error_deg for row in half]),
+        _area_deg(links),
+        _area_deg(links, by_profile_variance=True),
+        _interval(differences),
+        _figures([row.error_deg for row in _best_half(links)]),
+        _interval(gains),
     )
+
+
+def _drawn(links: Sequence[LinkRow]) -> tuple[list[float], list[float]]:
+    """Differences of the areas, and gains of the better half, of as many links drawn anew; the same every time."""
+    rng = np.random.default_rng(_DRAWN_FROM)
+    differences, gains = [], []
+    for _ in range(_DRAWS):
+        drawn = [links[number] for number in rng.integers(0, len(links), len(links))]
+        differences.append(_area_deg(drawn) - _area_deg(drawn, by_profile_variance=True))
+        gains.append(_mean_deg(drawn) - _mean_deg(_best_half(drawn)))
+    return differences, gains
+
+
+def _best_half(links: Sequence[LinkRow]) -> Sequence[LinkRow]:
+    return sorted(links, key=lambda row: -row.reliability)[: max(1, len(links) // 2)]
+
+
+def _mean_deg(links: Sequence[LinkRow]) -> float:
+    return float(np.mean([row.error_deg for row in links]))
+
+
+def _area_deg(links: Sequence[LinkRow], by_profile_variance: bool = False) -> float:
+    return float(risk_coverage(links, by_profile_variance)[1].mean())
+
+
+def _interval(values: Sequence[float]) -> tuple[float, float]:
+    low, high = np.percentile(values, (2.5, 97.5)).tolist()
+    return low, high
 
 
 def risk_coverage(links: Sequence[LinkRow], by_profile_variance: bool = False) -> tuple[np.ndarray, np.ndarray]:

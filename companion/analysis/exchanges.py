@@ -13,14 +13,15 @@ import numpy.typing as npt
 from companion.analysis.runs import KNOWN_TRANSMITTERS
 from companion.errors import CompanionError
 from csi_bridge.clock import host_times_s
-from csi_bridge.dat import CsiLog, DatFileError, read_dat
-from csi_bridge.scaling import without_spatial_mapping
+from csi_bridge.dat import CsiLog, DatFileError, Wanted, read_dat
+from csi_bridge.scaling import are_40mhz, without_spatial_mapping
 from wsr.channel import centre_channel, pair_by_counter, pair_by_time, strongest_antenna
 from wsr.reduced import as_sent
 
 UNPAIRED: Final = "unpaired"
 DUPLICATE: Final = "duplicate counter"
 WEAK: Final = "weak"
+WIDE: Final = "40 MHz"
 
 UNKNOWN_MAC: Final = "00:00:00:00:00:00"
 """What the driver writes when it did not know the sender."""
@@ -50,6 +51,8 @@ class Exchanges:
 
     t_s: npt.NDArray[np.float64]
     """(K,) reception at the receiving robot on its host's wall clock."""
+    tx_t_s: npt.NDArray[np.float64]
+    """(K,) reception of the other half at the transmitter, on its own host's wall clock."""
     channel: npt.NDArray[np.complex128]
     """(K,) product of the channels of both directions at the channel centre: oscillator offsets cancel in it."""
     forward: npt.NDArray[np.complex64]
@@ -74,10 +77,11 @@ class PacketTimes:
     used_s: Times = field(default_factory=lambda: np.empty(0))
 
 
-def read_log(path: Path) -> CsiLog:
-    """The log at `path`, with its errors as the command line shows them. Raises ExchangeError."""
+def read_log(path: Path, wanted: Wanted | None = None) -> CsiLog:
+    """The log at `path`, or what is `wanted` of it, with its errors as the command line shows them. Raises
+    ExchangeError."""
     try:
-        return read_dat(path)
+        return read_dat(path, wanted)
     except DatFileError as error:
         raise ExchangeError(str(error)) from None
 
@@ -134,9 +138,16 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     At each end the antenna with the most power is used. The transmitter's channels are `reduced` to what its datagrams
     would have brought, or as its card reported them. Raises ExchangeError, also for logs of different runs.
     """
-    ours = np.flatnonzero(rx.mac == mac)
-    theirs = np.flatnonzero(tx.mac == receiver_mac(rx, tx))
-    dropped: dict[str, int] = {}
+    heard, answered = np.flatnonzero(rx.mac == mac), np.flatnonzero(tx.mac == receiver_mac(rx, tx))
+    ours, theirs = heard[~are_40mhz(rx.rate[heard])], answered[~are_40mhz(tx.rate[answered])]
+    if not len(ours) or not len(theirs):
+        log = tx if len(ours) else rx
+        raise ExchangeError(f"{log.path}: all its packets of this link are 40 MHz wide; estimates take those of 20 MHz")
+    # One of 20 MHz here whose other half is 40 MHz wide goes with it.
+    halved = np.isin(rx.frame_count[ours], np.setdiff1d(tx.frame_count[answered], tx.frame_count[theirs]))
+    halved &= rx.frame_count[ours] >= 0
+    ours = ours[~halved]
+    dropped = {WIDE: len(heard) - len(ours)}
     if np.all(rx.frame_count[ours] >= 0) and np.all(tx.frame_count[theirs] >= 0):
         i, j = pair_by_counter(rx.frame_count[ours], tx.frame_count[theirs])
         dropped[DUPLICATE] = _duplicates(rx.frame_count[ours], tx.frame_count[theirs])
@@ -144,11 +155,14 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
         # Ping first: the transmitter hears it before the receiver hears the answer. Host clocks agree in such logs.
         j, i = pair_by_time(tx.host_time_s[theirs], rx.host_time_s[ours], _MIN_LAG_S, _MAX_LAG_S)
     dropped[UNPAIRED] = len(ours) - len(i) - dropped.get(DUPLICATE, 0)
+    if len(i) == 0 and dropped[WIDE]:
+        raise ExchangeError(f"{rx.path.name} and {tx.path.name}: every exchange has a half that is 40 MHz wide")
     if len(i) == 0:
         why = "every frame counter is there twice" if len(ours) == dropped.get(DUPLICATE) else "not of the same run?"
         raise ExchangeError(f"{rx.path.name} and {tx.path.name} have no exchange in common: {why}")
     t_s = host_times_s(rx.timestamp_low_us, rx.host_time_s)[ours[i]]
-    _check_same_run(rx, t_s, tx, host_times_s(tx.timestamp_low_us, tx.host_time_s)[theirs[j]])
+    tx_t_s = host_times_s(tx.timestamp_low_us, tx.host_time_s)[theirs[j]]
+    _check_same_run(rx, t_s, tx, tx_t_s)
     forward, reverse = _strongest(rx, ours, i), _strongest(tx, theirs, j)
     if reduced:
         reverse = as_sent(reverse)
@@ -156,13 +170,17 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     strong = (np.abs(centre_forward) >= _WEAK_COUNTS) & (np.abs(centre_reverse) >= _WEAK_COUNTS)
     stamps_us = np.stack([rx.timestamp_low_us[ours[i]], tx.timestamp_low_us[theirs[j]]], axis=1).astype(np.float64)
     dropped[WEAK] = int(np.count_nonzero(~strong))
+    if not np.any(strong):
+        log = rx if not np.any(np.abs(centre_forward) >= _WEAK_COUNTS) else tx
+        raise ExchangeError(f"{log.path}: the CSI of all {len(i)} packets is zero: the card measured nothing")
     return Exchanges(
         t_s=t_s[strong],
+        tx_t_s=tx_t_s[strong],
         channel=(centre_forward * centre_reverse)[strong],
         forward=forward[strong],
         reverse=reverse[strong],
         nic_us=np.unwrap(stamps_us, axis=0, period=float(1 << 32))[strong],
-        packets=len(ours),
+        packets=len(heard),
         dropped={reason: count for reason, count in dropped.items() if count},
     )
 

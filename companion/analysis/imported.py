@@ -1,7 +1,8 @@
 """Recorded runs (CSI of both ends and trajectories) as logs: files in, files out, and analysed from the log.
 
 Topics of such a log: `/csi` at the receiving robot and `/peer/<name>/csi` at each transmitter, records as in a flight's
-log (code byte and body), numbered by `sequence`; `/pose/mocap`, `/pose/t265`, `/pose/odom` as PoseInFrame. The metadata
+log (code byte and body), numbered by `sequence`; `/pose/mocap`, `/pose/t265`, `/pose/odom` as PoseInFrame, and
+`/peer/<name>/pose` of a transmitter that moves, as their files stamp them. The metadata
 record `recording` holds what is known of the scene.
 """
 
@@ -21,28 +22,32 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
-from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, TrajectoryError, read_trajectory
+from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, printable, read_truth
+from companion.analysis.scene import missing_files
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, guess_kind, read_trajectory
 from companion.core.messages import Vector3
 from companion.core.streams import CSI, POSE, Part, Stream
 from companion.errors import CompanionError
+from companion.host.whole_file import whole_file
 from companion.log import foxglove
 from companion.log.export import export as export_flight
 from companion.log.reader import LogScan, Progress, Session
 from companion.log.writer import LogWriter
+from companion.pose.trajectory_columns import TrajectoryError
 from csi_bridge.dat import DatFileError
 from csi_bridge.encoder import encode_file_record
 from csi_bridge.replay import read_tape
 
 RECORDING: Final = "recording"
 _PEER: Final = "/peer/"
+_TX_TRAJECTORY: Final = "_tx_trajectory_"
 _FILES: Final = {".dat": "dat", ".csv": "csv", ".json": "csv"}
 """What of a recording's own files belongs to which format."""
 _Timed = tuple[int, int, Stream, object]
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportedScene:
     """What a recording is of, as its log's metadata holds it."""
 
     stamp: str
@@ -58,40 +63,53 @@ class Scene:
     truth_channel: int | None = None
     problems: tuple[str, ...] = ()
     """What was wrong with the files when they were imported."""
+    time_offset_s: float = 0.0
+    tx_time_offsets_s: Mapping[str, float] = field(default_factory=dict)
+    tx_levers_m: Mapping[str, Vector3] = field(default_factory=dict)
+    """As given by the user; the trajectories are as their files stamped them."""
 
 
-def import_run(run: Run, target: Path, options: Options) -> Scene:
+def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
     """Writes one run as a log. Problems of single files are in the result. Raises CompanionError when there is no CSI
     of the receiving robot, a file that was given by name cannot be read, or `target` cannot be written."""
     if run.rx is None:
         raise RecordingError(f"{run.folder}: csi_rx_{run.stamp}.dat is missing")
+    for kind in run.ambiguous:
+        raise RecordingError(next(missing_files(run, kind, None)))
     problems: list[str] = []
-    sources = [_csi_messages(run.rx, CSI, problems)]
+    sources: list[Iterator[_Timed] | None] = [_csi_messages(run.rx, CSI, problems)]
     sources += [_csi_messages(path, _peer_stream(name), problems) for name, path in run.tx.items()]
-    sources += [_pose_messages(path, kind, problems) for kind, path in run.trajectories.items()]
-    if run.loose and not all(sources):
+    offset_s = options.time_offset_s
+    sources += [
+        _pose_messages(path, kind, _pose_stream(kind), offset_s, problems) for kind, path in run.trajectories.items()
+    ]
+    for name, path in run.tx_trajectories.items():
+        offset_s = options.tx_time_offsets_s.get(name, 0.0)
+        sources.append(_pose_messages(path, guess_kind(path), _pose_stream(name, _PEER), offset_s, problems))
+    if run.loose and not all(source is not None for source in sources):
         raise RecordingError("; ".join(problems))
     scene = _scene(run, options, problems)
     values = {"scene": msgspec.json.encode(scene).decode()}
     try:
-        with target.open("wb") as file:
-            writer = LogWriter(file, {"role": RECORDING, "name": run.stamp})
+        with whole_file(target) as file:
+            writer = LogWriter(file, {"role": RECORDING, "name": scene.stamp})
             writer.add_metadata(RECORDING, values)
-            for t_ns, number, stream, message in heapq.merge(*sources, key=lambda timed: timed[0]):
+            there = [source for source in sources if source is not None]
+            for t_ns, number, stream, message in heapq.merge(*there, key=lambda timed: timed[0]):
                 writer.write(stream, t_ns, t_ns, number, message)
             writer.finish()
     except OSError as error:
-        raise CompanionError(f"{target}: cannot be written: {error.strerror}") from None
+        raise CompanionError(f"{error.filename or target}: cannot be written: {error.strerror}") from None
     return scene
 
 
-def scene_of(session: Session) -> Scene:
+def scene_of(session: Session) -> ImportedScene:
     """Raises CompanionError for a log of another kind."""
     scan = LogScan(session.paths[0], ())
     for _ in scan:
         pass
     try:
-        return msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=Scene)
+        return msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=ImportedScene)
     except (KeyError, msgspec.DecodeError):
         raise CompanionError(f"{session.paths[0]}: no imported recording (metadata {RECORDING!r} is missing)") from None
 
@@ -115,12 +133,16 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
     place.mkdir(parents=True, exist_ok=True)
     csi: dict[str, list[tuple[int, bytes]]] = {}
     poses: dict[str, list[str]] = {}
+    tx_poses: dict[str, list[str]] = {}
     for message in session.messages():
         if message.topic.endswith(CSI.topic):
             record = encode_file_record(message.data[0], message.data[1:])
             csi.setdefault(_name_of(message.topic), []).append((message.sequence, record))
         elif message.topic.startswith(POSE.topic + "/"):
             poses.setdefault(message.topic.rpartition("/")[2], []).append(_csv_row(message.data))
+        elif message.topic.startswith(_PEER) and message.topic.endswith(POSE.topic):
+            name = message.topic.removeprefix(_PEER).removesuffix(POSE.topic)
+            tx_poses.setdefault(name, []).append(_csv_row(message.data))
     files: dict[Path, bytes] = {}
     for name, records in csi.items():
         in_order = sorted(records, key=lambda numbered: numbered[0])
@@ -128,6 +150,8 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
     for kind, rows in poses.items():
         prefix = "" if kind == PoseKind.MOCAP else f"{kind}_"
         files[place / f"{prefix}rx_trajectory_{scene.stamp}_.csv"] = "".join(rows).encode()
+    for name, rows in tx_poses.items():
+        files[place / f"{name}{_TX_TRAJECTORY}{scene.stamp}_.csv"] = "".join(rows).encode()
     if scene.truth_channel is not None:
         files[place / TRUTH_NAME] = _truth_text(scene).encode()
     chosen = {path: content for path, content in files.items() if path.suffix in wanted}
@@ -136,12 +160,14 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
     return sorted(chosen)
 
 
-def export_run(session: Session, folder: Path) -> tuple[Run, Scene]:
+def export_run(session: Session, folder: Path) -> tuple[Run, ImportedScene]:
     """All files of a recording below `folder`, as the run they are. Raises OSError, and CompanionError for a log
     without a run."""
     scene = scene_of(session)
     export_files(session, folder, (".dat", ".csv", ".json"))
-    return _run_at(_place(folder, scene), scene), scene
+    place = _place(folder, scene)
+    moving = {path.name.partition(_TX_TRAJECTORY)[0]: path for path in place.glob(f"*{_TX_TRAJECTORY}*.csv")}
+    return replace(_run_at(place, scene), tx_trajectories=moving), scene
 
 
 def analyze_session(session: Session, kind: PoseKind | None = None, estimator: str = "robust") -> RunResult:
@@ -151,11 +177,20 @@ def analyze_session(session: Session, kind: PoseKind | None = None, estimator: s
             run, scene = export_run(session, Path(name))
         except OSError as error:
             raise CompanionError(f"{error.filename}: cannot be written: {error.strerror}") from None
-        options = Options(kind, scene.channel, dict(scene.macs), scene.lever_m, estimator)
+        options = Options(
+            kind,
+            scene.channel,
+            dict(scene.macs),
+            scene.lever_m,
+            scene.time_offset_s,
+            scene.tx_time_offsets_s,
+            scene.tx_levers_m,
+            estimator,
+        )
         return _renamed(analyze_run(run, options), name, scene)
 
 
-def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
+def _scene(run: Run, options: Options, problems: list[str]) -> ImportedScene:
     truth = None
     if run.truth is not None:
         try:
@@ -163,25 +198,28 @@ def _scene(run: Run, options: Options, problems: list[str]) -> Scene:
         except RecordingError as error:
             problems.append(str(error))
     places = {} if truth is None else {name: _vector(p) for name, p in truth.transmitters.items()}
-    return Scene(
-        run.stamp,
-        run.set_name,
-        run.folder.resolve().name,
-        run.loose,
-        options.channel,
-        options.macs,
-        options.lever_m,
-        places,
-        None if truth is None else truth.channel,
-        tuple(problems),
+    return ImportedScene(
+        stamp=printable(run.stamp),
+        set_name=run.set_name,
+        folder=printable(run.folder.resolve().name),
+        loose=run.loose,
+        channel=options.channel,
+        macs=options.macs,
+        lever_m=options.lever_m,
+        transmitters=places,
+        truth_channel=None if truth is None else truth.channel,
+        problems=tuple(map(printable, problems)),
+        time_offset_s=options.time_offset_s,
+        tx_time_offsets_s=options.tx_time_offsets_s,
+        tx_levers_m=options.tx_levers_m,
     )
 
 
-def _place(folder: Path, scene: Scene) -> Path:
+def _place(folder: Path, scene: ImportedScene) -> Path:
     return folder / (scene.set_name or "set") / (scene.folder or "run")
 
 
-def _run_at(place: Path, scene: Scene) -> Run:
+def _run_at(place: Path, scene: ImportedScene) -> Run:
     rx = place / f"csi_rx_{scene.stamp}.dat"
     if not scene.loose:
         if not any(place.glob(f"csi_*_{scene.stamp}.dat")):
@@ -201,31 +239,34 @@ def _run_at(place: Path, scene: Scene) -> Run:
     return replace(run, tx={name: path for name, path in names.items() if name != "rx"}, stamp=scene.stamp)
 
 
-def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> list[_Timed]:
-    """Records of a .dat file, each when it reached the host: wall time, or from 0 on where the driver tells none."""
+def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> Iterator[_Timed] | None:
+    """Records of a .dat file, each when it reached the host: wall time, or from 0 on where the driver tells none. None
+    where it cannot be read."""
     try:
         tape = read_tape(path)
     except DatFileError as error:
         problems.append(str(error))
-        return []
-    times_ns = np.rint(tape.t_s * 1e9).astype(np.int64).tolist()
-    messages = [bytes([code]) + body for code, body in tape.records]
-    numbered = enumerate(zip(times_ns, messages, strict=True))
-    return [(t_ns, number, stream, message) for number, (t_ns, message) in numbered]
+        return None
+    times_ns = np.rint(tape.t_s * 1e9).astype(np.int64)
+    numbered = enumerate(zip(times_ns, tape.records, strict=True))
+    return ((int(t_ns), number, stream, bytes([code]) + body) for number, (t_ns, (code, body)) in numbered)
 
 
-def _pose_messages(path: Path, kind: PoseKind, problems: list[str]) -> list[_Timed]:
+def _pose_messages(
+    path: Path, kind: PoseKind, stream: Stream, offset_s: float, problems: list[str]
+) -> Iterator[_Timed] | None:
+    """Poses as their file stamps them, at the time those stamps are on the packets' clock."""
     try:
-        trajectory = read_trajectory(path, kind)
+        trajectory = read_trajectory(path, kind, may_stand=stream.topic.startswith(_PEER))
     except TrajectoryError as error:
         problems.append(str(error))
-        return []
+        return None
     problems += trajectory.problems
-    stream = Stream(f"{POSE.topic}/{kind}", 200, 0.2, "protobuf", Part.INPUT)
-    return [(t_ns, number, stream, pose) for number, (t_ns, pose) in enumerate(_poses(trajectory))]
+    later_ns = round(offset_s * 1e9)
+    return ((max(0, t_ns + later_ns), number, stream, pose) for number, (t_ns, pose) in enumerate(_poses(trajectory)))
 
 
-def _poses(trajectory: Trajectory) -> Iterator[tuple[int, PoseInFrame]]:
+def _poses(trajectory: RecordedTrajectory) -> Iterator[tuple[int, PoseInFrame]]:
     for index, t_s in enumerate(trajectory.t_s.tolist()):
         seconds = int(t_s // 1)
         t_ns = seconds * 1_000_000_000 + round((t_s - seconds) * 1e9)
@@ -245,13 +286,13 @@ def _csv_row(data: bytes) -> str:
     return f"{logged.timestamp.seconds},{logged.timestamp.nanos}," + ",".join(map(repr, values)) + "\n"
 
 
-def _truth_text(scene: Scene) -> str:
+def _truth_text(scene: ImportedScene) -> str:
     positions = {name: {"position": dict(zip("xyz", place, strict=True))} for name, place in scene.transmitters.items()}
     content = {"channel": {"value": scene.truth_channel}, "true_tx_positions": {"value": positions}}
     return json.dumps(content, indent=1)
 
 
-def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:
+def _renamed(result: RunResult, folder: str, scene: ImportedScene) -> RunResult:
     """Messages without the name of a folder that is gone."""
 
     def plain(text: str) -> str:
@@ -263,12 +304,14 @@ def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:
             problem=None if one.problem is None else plain(one.problem),
             truth_problem=None if one.truth_problem is None else plain(one.truth_problem),
             notes=tuple(map(plain, one.notes)),
+            trajectory=None if one.trajectory is None else Path(plain(str(one.trajectory))),
         )
 
     problems = tuple(dict.fromkeys((*scene.problems, *map(plain, result.problems))))
     run = replace(result.run, folder=Path(scene.set_name) / scene.folder)
     return replace(
         result,
+        trajectory=None if result.trajectory is None else Path(plain(str(result.trajectory))),
         run=run,
         links=tuple(map(link, result.links)),
         missing=tuple(map(plain, result.missing)),
@@ -276,6 +319,12 @@ def _renamed(result: RunResult, folder: str, scene: Scene) -> RunResult:
         failure=None if result.failure is None else plain(result.failure),
         truth_problem=None if result.truth_problem is None else plain(result.truth_problem),
     )
+
+
+def _pose_stream(name: str, before: str = "") -> Stream:
+    """Of the receiving robot by kind, of a moving transmitter by name."""
+    topic = f"{before}{name}{POSE.topic}" if before else f"{POSE.topic}/{name}"
+    return Stream(topic, 200, 0.2, "protobuf", Part.INPUT)
 
 
 def _peer_stream(name: str) -> Stream:

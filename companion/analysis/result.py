@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from companion.analysis.exchanges import PacketTimes
@@ -27,7 +28,7 @@ DEFAULT_LEVERS_M: Final[Mapping[PoseKind, Vector3]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Bearing:
+class Direction:
     """A direction in ENU: azimuth counter-clockwise from East, polar angle from Up."""
 
     azimuth_rad: float
@@ -44,7 +45,7 @@ class LinkResult:
     dropped: Mapping[str, int] = field(default_factory=dict)
     estimate: AoaEstimate | None = None
     profile: Profile | None = None
-    truth: Bearing | None = None
+    truth: Direction | None = None
     """From the estimate's own reference point, where that is known in the frame of the true positions."""
     truth_problem: str | None = None
     """Why there is no truth beside an estimate."""
@@ -52,6 +53,8 @@ class LinkResult:
     notes: tuple[str, ...] = ()
     """What to know about its log and its estimate, where there is one."""
     times: PacketTimes | None = None
+    trajectory: Path | None = None
+    """Of the transmitter, where it moves."""
 
     @property
     def used(self) -> int:
@@ -91,6 +94,9 @@ class RunResult:
     """Why no link has a truth."""
     lever_m: Vector3 = NO_LEVER
     """Of the antenna, as used."""
+    trajectory: Path | None = None
+    """The file that was used, and `layout`, what it was taken for."""
+    layout: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +108,12 @@ class Options:
     macs: Mapping[str, str] = field(default_factory=dict)
     """MAC by transmitter name; only these transmitters, unless it is empty."""
     lever_m: Vector3 | None = None
+    time_offset_s: float = 0.0
+    """Added to the trajectory's stamps, so that they are on the clock of the receiving robot's host."""
+    tx_time_offsets_s: Mapping[str, float] = field(default_factory=dict)
+    """The same of each transmitter's trajectory, to its own host's clock."""
+    tx_levers_m: Mapping[str, Vector3] = field(default_factory=dict)
+    """Of each moving transmitter's antenna, as `lever_m`."""
     estimator: str = "robust"
     """One of `wsr.estimators.ESTIMATORS`."""
     robust: RobustOptions = field(default_factory=RobustOptions)

@@ -8,8 +8,10 @@ Trajectories may stand in a folder beside that of the CSI, and `groundtruth_posi
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -18,8 +20,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from companion.analysis.trajectories import MAX_POSITION_M, PoseKind, guess_kind
+from companion.analysis.trajectories import PoseKind, guess_kind
 from companion.errors import CompanionError
+from companion.pose.trajectory_checks import MAX_POSITION_M
+from wsr.channel import channel_frequency_hz
 
 KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -31,7 +35,9 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 )
 """The radio cards of the WSR data sets."""
 TRUTH_NAME: Final = "groundtruth_positions.json"
+_MAX_TRUTH_BYTES: Final = 10_000_000
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.dat")
+_TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
 
 Position = npt.NDArray[np.float64]
@@ -42,7 +48,7 @@ class RecordingError(CompanionError):
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class Survey:
     """The surveyed part of a recording."""
 
     path: Path
@@ -60,27 +66,45 @@ class Run:
     rx: Path | None
     tx: Mapping[str, Path] = field(default_factory=dict)
     trajectories: Mapping[PoseKind, Path] = field(default_factory=dict)
+    ambiguous: Mapping[PoseKind, tuple[Path, ...]] = field(default_factory=dict)
+    """Trajectories of which none is the run's more than the others: nobody but the user can choose."""
+    tx_trajectories: Mapping[str, Path] = field(default_factory=dict)
+    """Of transmitters that move, by name; each stamped by its own host's clock."""
     truth: Path | None = None
     loose: bool = False
     """The user chose the files one by one, so that none is missing."""
 
     @property
     def title(self) -> str:
-        return f"{self.set_name}/{self.folder.resolve().name} {self.stamp}"
+        return printable(f"{self.set_name}/{self.folder.resolve().name} {self.stamp}")
 
     @property
     def set_name(self) -> str:
         """The folder above that of the run: LOS_Set_A, for example."""
-        return self.folder.resolve().parent.name
+        return printable(self.folder.resolve().parent.name)
+
+
+def printable(text: str) -> str:
+    """Names of files are bytes: those that are no UTF-8 are written \\xNN."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def find_runs(root: Path) -> list[Run]:
-    """Every run in `root` and in the folders below it, by folder and time stamp. Raises RecordingError for none."""
-    if not root.is_dir():
-        raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
-    folders = sorted({path.parent for path in root.rglob("csi_*.dat") if _CSI_NAME.fullmatch(path.name)})
-    runs = [run for folder in folders for run in _runs_of(folder)]
+    """Every run in `root` and in the folders below it, linked ones too, by folder and time stamp. Raises RecordingError
+    for none."""
+    try:
+        if not root.is_dir():
+            raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
+        with os.scandir(root):
+            pass  # a folder that may not be listed is said to be so, not empty
+        runs = [run for folder in sorted(_folders(root)) for run in _runs_of(folder)]
+    except OSError as error:
+        raise RecordingError(f"{error.filename or root}: {error.strerror}") from None
     if not runs:
+        unlisted: list[OSError] = []
+        list(os.walk(root, onerror=unlisted.append))
+        if unlisted:
+            raise RecordingError(f"{unlisted[0].filename}: {unlisted[0].strerror}")
         raise RecordingError(f"{root}: no recorded run here or below (expected files such as csi_rx_<time>.dat)")
     return runs
 
@@ -102,16 +126,19 @@ def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind |
     )
 
 
-def read_truth(path: Path) -> Truth:
+def read_truth(path: Path) -> Survey:
     """Channel and true positions. Raises RecordingError that names the file and the key."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        if path.stat().st_size > _MAX_TRUTH_BYTES:
+            raise RecordingError(f"{path}: larger than 10 MB, expected a few true positions")
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from None
-    except ValueError:
-        raise RecordingError(f"{path}: not a JSON file") from None
+    except (ValueError, RecursionError):
+        raise RecordingError(f"{path}: not a JSON file of true positions") from None
     try:
         channel = _whole(content["channel"]["value"])
+        channel_frequency_hz(channel)
         places = {str(name): entry["position"] for name, entry in content["true_tx_positions"]["value"].items()}
         positions = {name: np.array([float(place[axis]) for axis in "xyz"]) for name, place in places.items()}
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
@@ -122,7 +149,7 @@ def read_truth(path: Path) -> Truth:
             raise RecordingError(
                 f"{path}: position of {name} is {p.tolist()}; expected metres within 1e5 of the origin"
             )
-    return Truth(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
+    return Survey(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
 
 
 def _whole(value: object) -> int:
@@ -132,39 +159,93 @@ def _whole(value: object) -> int:
     return int(number)
 
 
+def _folders(root: Path) -> Iterator[Path]:
+    """`root` and all below it, each real folder once however many links lead there: by its own name if it has one."""
+    waiting, seen = deque([root]), set[Path]()
+    while waiting:
+        for name, below, _ in os.walk(waiting.popleft()):  # which goes into no link but the one it is given
+            folder = Path(name)
+            if folder.resolve() in seen:
+                below.clear()
+                continue
+            seen.add(folder.resolve())
+            waiting += sorted(folder / link for link in below if (folder / link).is_symlink())
+            yield folder
+
+
 def _runs_of(folder: Path) -> list[Run]:
     files: dict[str, dict[str, Path]] = {}
     for path in sorted(folder.glob("csi_*.dat")):
         match = _CSI_NAME.fullmatch(path.name)
         if match:
             files.setdefault(match[2], {})[match[1]] = path
-    return [
-        Run(
-            stamp=stamp,
-            folder=folder,
-            rx=ends.get("rx"),
-            tx={name: path for name, path in ends.items() if name != "rx"},
-            trajectories=_trajectories(folder, stamp),
-            truth=_truth_near(folder),
+    runs = []
+    for stamp, ends in sorted(files.items()):
+        fitting = _trajectories(folder, stamp, files.keys() - {stamp})
+        runs.append(
+            Run(
+                stamp=stamp,
+                folder=folder,
+                rx=ends.get("rx"),
+                tx={name: path for name, path in ends.items() if name != "rx"},
+                trajectories={kind: paths[0] for kind, paths in fitting.items() if len(paths) == 1},
+                ambiguous={kind: tuple(paths) for kind, paths in fitting.items() if len(paths) > 1},
+                truth=_truth_near(folder),
+            )
         )
-        for stamp, ends in sorted(files.items())
-    ]
+    return runs
 
 
-def _trajectories(folder: Path, stamp: str) -> dict[PoseKind, Path]:
-    """Those in the folder itself win over those in a folder beside it."""
-    beside = sorted(path for path in folder.parent.iterdir() if path.is_dir() and path != folder)
-    found: dict[PoseKind, Path] = {}
-    for place in (folder, folder.parent, *beside):
-        for path in sorted(place.glob(f"*rx_trajectory*{stamp}*.csv")):
-            found.setdefault(guess_kind(path), path)
+def _trajectories(folder: Path, stamp: str, others: Set[str]) -> dict[PoseKind, list[Path]]:
+    """What fits, by kind: in the folder itself, else above it, else in a folder beside it. There the one that has the
+    exact name, else all that have the stamp in theirs and are not exactly another run's."""
+    found: dict[PoseKind, list[Path]] = {}
+    for places in ([folder], *_around(folder)):
+        fitting = [path for place in places for path in sorted(place.glob("*rx_trajectory*")) if _fits(path, stamp)]
+        for kind in {guess_kind(path) for path in fitting} - found.keys():
+            of_kind = [path for path in fitting if guess_kind(path) is kind]
+            exact = [path for path in of_kind if _is_exact(path, stamp)]
+            loose = [path for path in of_kind if not any(_is_exact(path, other) for other in others)]
+            if exact or loose:
+                found[kind] = exact or loose
     return found
 
 
+def _around(folder: Path) -> Iterator[list[Path]]:
+    """The folder above, then those beside it: where it was found, and where it really is if that is elsewhere."""
+    real = folder.resolve()
+    for parent in [folder.parent] + [real.parent] * (real.parent != folder.parent.resolve()):
+        yield [parent]
+        try:
+            yield sorted(path for path in parent.iterdir() if path != folder and _is_folder(path))
+        except OSError:
+            continue  # a folder that may not be listed holds nothing for us
+
+
+def _fits(path: Path, stamp: str) -> bool:
+    """Whether the stamp stands in the name whole: not as the beginning of a longer one."""
+    pattern = rf".*rx_trajectory.*{re.escape(stamp)}(?![0-9A-Za-z]).*"
+    return path.suffix.lower() in _TRAJECTORY_SUFFIXES and re.fullmatch(pattern, path.name, re.DOTALL) is not None
+
+
+def _is_exact(path: Path, stamp: str) -> bool:
+    return re.fullmatch(rf"(t265_|odom_|mocap_)?rx_trajectory_?{re.escape(stamp)}_?", path.stem) is not None
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return os.access(path, os.R_OK | os.X_OK) and path.is_dir()
+    except OSError:
+        return False
+
+
 def _truth_near(folder: Path) -> Path | None:
-    for place in (folder, folder.resolve().parent):
-        if (place / TRUTH_NAME).is_file():
-            return place / TRUTH_NAME
+    for place in (folder, folder.resolve().parent, folder.parent):
+        try:
+            if (place / TRUTH_NAME).is_file():
+                return place / TRUTH_NAME
+        except OSError:
+            continue  # what may not be looked at is not there for us
     return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,31 +12,47 @@ import numpy.typing as npt
 
 from companion.analysis.exchanges import damage, read_log, senders
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
-from companion.analysis.runs import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Truth, read_truth
-from companion.analysis.trajectories import PoseKind, Trajectory, read_trajectory
+from companion.analysis.runs import KNOWN_TRANSMITTERS, TRUTH_NAME, RecordingError, Run, Survey, read_truth
+from companion.analysis.trajectories import PoseKind, RecordedTrajectory, guess_kind, read_trajectory
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
-from csi_bridge.dat import CsiLog
+from csi_bridge.clock import host_step
+from csi_bridge.dat import CsiLog, Wanted
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions, interpolate
 
 MAX_POSE_GAP_S: Final = 0.25
+_MARGIN_S: Final = 60.0
+_AROUND: Final = 300
+_EDGE_S: Final = 0.2
+_MARGIN_COUNTS: Final = 20_000
 _MAX_DISAGREEMENT_M: Final = 0.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
     """What the links of a run have in common."""
 
     rx: CsiLog
-    trajectory: Trajectory
+    trajectory: RecordedTrajectory
     p_antenna_m: npt.NDArray[np.float64]
-    mocap: Trajectory | None
+    mocap: RecordedTrajectory | None
     place_problem: str
     """Why there is no motion capture; empty where there is."""
-    truth: Truth | None
+    truth: Survey | None
     wavelength_m: float
     as_sent: bool
+    wanted_tx: Wanted
+    """What of the transmitters' logs can belong to these packets."""
+    tx_paths: Mapping[str, TxPath]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TxPath:
+    """Where the antenna of a moving transmitter was."""
+
+    trajectory: RecordedTrajectory
+    p_antenna_m: npt.NDArray[np.float64]
 
 
 def missing_files(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> Iterator[str]:
@@ -45,6 +61,9 @@ def missing_files(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> I
         yield f"{run.folder}: csi_rx_{run.stamp}.dat is missing"
     if kind is None:
         yield f"{run.folder}: no trajectory of {run.stamp}, expected rx_trajectory_{run.stamp}_.csv or a T265's"
+    elif kind in run.ambiguous:
+        names = " and ".join(path.name for path in run.ambiguous[kind])
+        yield f"{run.ambiguous[kind][0].parent}: {names} both fit as {kind} trajectory of {run.stamp}; keep one"
     elif kind not in run.trajectories:
         available = ", ".join(run.trajectories) or "none"
         yield f"{run.folder}: no {kind} trajectory of {run.stamp} (available: {available})"
@@ -68,10 +87,9 @@ def lever_of(kind: PoseKind | None, options: Options) -> Vector3:
 
 
 def read_scene(
-    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Truth | None, problems: list[str]
+    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Survey | None, problems: list[str]
 ) -> Scene:
-    rx = read_log(rx_path)
-    problems += damage(rx)
+    rx, trajectory = _read_both(rx_path, run.trajectories[kind], kind, options.time_offset_s, problems)
     channel = truth.channel if options.channel is None and truth is not None else options.channel
     if truth is not None and channel != truth.channel:
         problems.append(f"{truth.path}: says channel {truth.channel}, but {channel} was given and is used")
@@ -81,29 +99,103 @@ def read_scene(
         wavelength = wavelength_m(channel)
     except ValueError as error:
         raise RecordingError(f"{run.folder}: {error}") from None
-    trajectory = read_trajectory(run.trajectories[kind], kind)
-    problems += trajectory.problems
-    _check_overlap(trajectory, rx.host_time_s, rx.path)
     p_antenna_m = _antenna(trajectory, lever_of(kind, options))
     mocap, place_problem = _mocap(run, trajectory, problems)
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
-    return Scene(rx, trajectory, p_antenna_m, mocap, place_problem, truth, wavelength, options.as_sent)
+    paths = {name: _tx_path(name, path, options, problems) for name, path in run.tx_trajectories.items()}
+    return Scene(
+        rx=rx,
+        trajectory=trajectory,
+        p_antenna_m=p_antenna_m,
+        mocap=mocap,
+        place_problem=place_problem,
+        truth=truth,
+        wavelength_m=wavelength,
+        as_sent=options.as_sent,
+        wanted_tx=_of_tx(rx),
+        tx_paths=paths,
+    )
 
 
-def _check_overlap(trajectory: Trajectory, packet_t_s: npt.NDArray[np.float64], path: Path) -> None:
+def _read_both(
+    rx_path: Path, path: Path, kind: PoseKind, offset_s: float, problems: list[str]
+) -> tuple[CsiLog, RecordedTrajectory]:
+    """The trajectory, and of the log the packets within a minute of it: what the clocks' relation rests on."""
+    try:
+        trajectory = read_trajectory(path, kind, offset_s)
+    except CompanionError:
+        read_log(rx_path, Wanted((0.0, 0.0)))  # a log that cannot be read at all is named first
+        raise
+    span = float(trajectory.t_s[0]) - _MARGIN_S, float(trajectory.t_s[-1]) + _MARGIN_S
+    rx = read_log(rx_path, Wanted(span))
+    problems += damage(rx)
+    problems += trajectory.problems
+    _check_overlap(trajectory, rx)
+    check_clock(rx, trajectory)
+    if rx.left_out_count:
+        problems.append(f"{rx_path}: {rx.left_out_count} records more than a minute from the trajectory are not used")
+    return rx, trajectory
+
+
+def _of_tx(rx: CsiLog) -> Wanted:
+    """Of a transmitter's log, whose clock is another: the same exchanges by counter, and some beyond; by time where
+    there are no counters, since then the clocks agree."""
+    if np.all(rx.frame_count >= 0):
+        first, last = np.quantile(rx.frame_count, (0.001, 0.999))
+        return Wanted(counters=(int(first) - _MARGIN_COUNTS, int(last) + _MARGIN_COUNTS))
+    return Wanted((float(rx.host_time_s.min()) - _MARGIN_S, float(rx.host_time_s.max()) + _MARGIN_S))
+
+
+def _tx_path(name: str, path: Path, options: Options, problems: list[str]) -> TxPath:
+    trajectory = read_trajectory(path, guess_kind(path), options.tx_time_offsets_s.get(name, 0.0), may_stand=True)
+    problems += trajectory.problems
+    return TxPath(trajectory, _antenna(trajectory, options.tx_levers_m.get(name, NO_LEVER)))
+
+
+def check_clock(log: CsiLog, trajectory: RecordedTrajectory) -> None:
+    """Raises RecordingError where the host's clock was set while the trajectory lasts: the stamps of its poses may have
+    moved with it or not, and the poses of the time that was there twice are not known."""
+    host_s, begin_s, end_s = log.host_time_s, float(trajectory.t_s[0]), float(trajectory.t_s[-1])
+    inside = np.flatnonzero((host_s >= begin_s) & (host_s <= end_s))
+    if not len(inside):
+        return
+    # Where packets cease or begin to be inside in the middle of the trajectory, the step is among their neighbours.
+    first, last = int(inside[0]), int(inside[-1]) + 1
+    start = max(0, first - _AROUND) if host_s[first] - begin_s > _EDGE_S else first
+    stop = last + _AROUND if end_s - host_s[last - 1] > _EDGE_S else last
+    step = host_step(log.timestamp_low_us[start:stop], host_s[start:stop])
+    if step is None:
+        return
+    at, step_s = step
+    raise RecordingError(
+        f"{log.path}: its host's clock was set {'back' if step_s < 0 else 'forward'} by {abs(step_s):.3f} s about "
+        f"record {start + at} of those near {trajectory.path.name}: which pose belongs to which packet is not "
+        "known; cut the trajectory before or after that"
+    )
+
+
+def _check_overlap(trajectory: RecordedTrajectory, rx: CsiLog) -> None:
+    packet_t_s, path = rx.host_time_s, rx.path
     if not np.all(np.isfinite(packet_t_s)):
         raise RecordingError(f"{path}: its records have no host time (stock driver), so no trajectory can be joined")
-    if len(packet_t_s) == 0:
+    spans = [] if rx.left_out_s is None else list(rx.left_out_s)
+    if len(packet_t_s) == 0 and not spans:
         raise RecordingError(f"{path}: no CSI records")
-    late_s = float(packet_t_s.min() - trajectory.t_s[-1])
-    early_s = float(trajectory.t_s[0] - packet_t_s.max())
-    if late_s > 0 or early_s > 0:
-        apart = f"ends {late_s:.1f} s before" if late_s > 0 else f"begins {early_s:.1f} s after"
-        raise RecordingError(f"{trajectory.path}: no time overlap: the trajectory {apart} the packets of {path.name}")
+    if np.any((packet_t_s >= trajectory.t_s[0]) & (packet_t_s <= trajectory.t_s[-1])):
+        return
+    seen_s = [*spans, *([float(packet_t_s.min()), float(packet_t_s.max())] if len(packet_t_s) else [])]
+    late_s, early_s = min(seen_s) - float(trajectory.t_s[-1]), float(trajectory.t_s[0]) - max(seen_s)
+    apart = f"ends {late_s:.1f} s before" if late_s > 0 else f"begins {early_s:.1f} s after"
+    if late_s <= 0 and early_s <= 0:
+        apart = "lies in a gap of"
+    raise RecordingError(
+        f"{trajectory.path}: no time overlap: the trajectory {apart} the packets of {path.name}. It was read as "
+        f"{trajectory.layout}; its stamps are expected on that host's clock, or --time-offset puts them there"
+    )
 
 
-def truth_of(run: Run) -> tuple[Truth | None, str | None]:
+def truth_of(run: Run) -> tuple[Survey | None, str | None]:
     """The truth, or why there is none."""
     if run.truth is None:
         return None, f"{run.folder}: {TRUTH_NAME} is missing, here and in the folder above"
@@ -113,7 +205,7 @@ def truth_of(run: Run) -> tuple[Truth | None, str | None]:
         return None, str(error)
 
 
-def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64]:
+def _antenna(trajectory: RecordedTrajectory, lever_m: Vector3) -> npt.NDArray[np.float64]:
     if lever_m == NO_LEVER:
         return trajectory.p_enu_m
     if trajectory.q_wxyz is None:
@@ -121,11 +213,13 @@ def _antenna(trajectory: Trajectory, lever_m: Vector3) -> npt.NDArray[np.float64
     return antenna_positions(trajectory.p_enu_m, trajectory.q_wxyz, np.array(lever_m))
 
 
-def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> tuple[Trajectory | None, str]:
+def _mocap(run: Run, trajectory: RecordedTrajectory, problems: list[str]) -> tuple[RecordedTrajectory | None, str]:
     """Motion capture, for the reference point of the truth only, or why there is none."""
     if trajectory.origin_is_true:
         return trajectory, ""
     path = run.trajectories.get(PoseKind.MOCAP)
+    if PoseKind.MOCAP in run.ambiguous:
+        return None, next(missing_files(run, PoseKind.MOCAP, None))
     if path is None:
         return None, f"{_mocap_name(run)} is missing (motion capture)"
     try:
@@ -135,7 +229,9 @@ def _mocap(run: Run, trajectory: Trajectory, problems: list[str]) -> tuple[Traje
         return None, str(error)
 
 
-def _disagreement(trajectory: Trajectory, p_m: npt.NDArray[np.float64], mocap: Trajectory) -> Iterator[str]:
+def _disagreement(
+    trajectory: RecordedTrajectory, p_m: npt.NDArray[np.float64], mocap: RecordedTrajectory
+) -> Iterator[str]:
     """Says that a tracker failed, where motion capture shows it; the bearing does not depend on this."""
     seen, valid = interpolate(trajectory.t_s, mocap.t_s, mocap.p_enu_m, MAX_POSE_GAP_S)
     if np.any(valid):

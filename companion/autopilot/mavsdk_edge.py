@@ -16,6 +16,7 @@ from collections.abc import Callable
 from typing import Final
 
 from companion.autopilot import onboard_status, px4_modes
+from companion.autopilot.climb import Climb
 from companion.autopilot.mavsdk_link import MavsdkLink
 from companion.autopilot.odometry import odometry_fields
 from companion.autopilot.port import AutopilotError, GaveWayError
@@ -31,7 +32,6 @@ _CONFIRM_TIMEOUT_S = 2.9  # so that all of it, from the request to the abort, ta
 _REPEAT_S = 0.5
 _POLL_S = 0.01
 _STALLED_S = 0.5
-_TAKEOFF_SHARE = 0.7
 _CLIMB_S_PER_M = 4.0
 """PX4 may be set to climb as slowly as this in takeoff."""
 _WATCH_S = 0.1
@@ -46,6 +46,7 @@ _CMD_ARM_DISARM: Final = 400
 _CMD_SET_MESSAGE_INTERVAL: Final = 511
 _CMD_REQUEST_MESSAGE: Final = 512
 _HEARTBEAT: Final = 0
+_AUTOPILOT_VERSION: Final = 148
 _MODE_FLAG_CUSTOM: Final = 1
 _FRAME_LOCAL_NED: Final = 1
 _PARAMETER_INT32: Final = 6
@@ -61,20 +62,32 @@ _INTERVALS_US: Final = {
     147: 1_000_000,  # BATTERY_STATUS
     230: 500_000,  # ESTIMATOR_STATUS
     65: 200_000,  # RC_CHANNELS
+    331: 50_000,  # ODOMETRY: announces resets of the estimate
 }
 _ODOMETRY: Final = 331
 _ODOMETRY_INTERVAL_US: Final = 20_000
+"""Where it is also our source of poses."""
 _RESULTS: Final = ("accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled")
 
 
 class MavsdkAutopilot:
     """An `Autopilot` behind a MAVSDK connection such as udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600."""
 
-    def __init__(self, url: str, clock: Clock, on_odometry: Callable[[Pose], None] | None = None) -> None:
-        """`on_odometry` gets the autopilot's own odometry as poses, on the library's thread; asked for only with it."""
+    def __init__(
+        self,
+        url: str,
+        clock: Clock,
+        on_odometry: Callable[[Pose], None] | None = None,
+        system_id: int | None = None,
+    ) -> None:
+        """`on_odometry` gets the autopilot's own odometry as poses, on the library's thread. Without a `system_id` the
+        first PX4 that is heard is ours, and no other ever after."""
         self._clock = clock
-        self._telemetry = Telemetry(clock.now_ns, on_odometry)
-        self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take)
+        self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time)
+        self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id)
+        self._asked_ns = 0
+        self._asked_boots = -1
+        self._others: set[str] = set()
         self._wants_odometry = on_odometry is not None
         self._problem = "not connected yet"
 
@@ -84,9 +97,11 @@ class MavsdkAutopilot:
         return self._problem
 
     async def connect(self, timeout_s: float = 10.0) -> None:
-        """Raises AutopilotError when the port is taken or no autopilot is heard within `timeout_s`."""
+        """Raises AutopilotError when the port is taken, or our vehicle is not heard within `timeout_s` or is no PX4."""
         opened_ns = self._clock.now_ns()
         await self._link.open(timeout_s)
+        assert self._link.system_id is not None
+        self._telemetry.identify(self._link.system_id)
         try:
             self._ask_for_telemetry()
             await self._until(lambda s: (s.heartbeat_mono_ns or 0) > opened_ns, timeout_s, "the first heartbeat")
@@ -105,7 +120,11 @@ class MavsdkAutopilot:
                 _LOG.log(backoff.level, "%s; trying again", error)
                 await self._sleep(backoff.next_s())
                 continue
-            _LOG.info("autopilot %s: connected", self._link.url)
+            _LOG.info(
+                "autopilot %s: connected to system %d, and to no other from now on",
+                self._link.url,
+                self._link.system_id,
+            )
             backoff = Backoff()
             await self._watch()
             self._problem = f"autopilot {self._link.url}: its heartbeats stopped"
@@ -146,7 +165,32 @@ class MavsdkAutopilot:
         )
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None:
-        self._link.send("ODOMETRY", **odometry_fields(pose, reset_counter))
+        """Raises AutopilotError while the vehicle's own time is not known, in which poses are stamped."""
+        vehicle_ns = self._telemetry.vehicle_ns(pose.t_mono_ns)
+        if vehicle_ns is None or vehicle_ns < 0:
+            raise AutopilotError(f"autopilot {self._link.url}: its own time is not known yet; ODOMETRY was not sent")
+        self._link.send("ODOMETRY", **odometry_fields(pose, reset_counter, vehicle_ns))
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Where the local frame of a vehicle without GPS lies: without that PX4 has no global position and cannot hold.
+
+        Its altitude is always 0: PX4 1.16 moves the estimate down by it when a `reset_counter` rises.
+        """
+        self._link.send(
+            "SET_GPS_GLOBAL_ORIGIN",
+            target_system=self._link.system_id,
+            latitude=round(1e7 * latitude_deg),
+            longitude=round(1e7 * longitude_deg),
+            altitude=0,
+            time_usec=0,
+        )
+
+    def _answer_time(self, ts1: int) -> None:
+        """PX4 asks for our time, on the library's thread: it gets its own, as we know it, since poses carry that."""
+        vehicle_ns = self._telemetry.vehicle_ns(self._clock.now_ns())
+        if vehicle_ns is not None:
+            with contextlib.suppress(AutopilotError):  # PX4 asks again
+                self._link.send_addressed("TIMESYNC", tc1=vehicle_ns, ts1=ts1)
 
     def take_events(self) -> list[AutopilotEvent]:
         return self._telemetry.take_events()
@@ -159,6 +203,7 @@ class MavsdkAutopilot:
             return
         ground_m = self._height_m()
         await self.set_parameter("MIS_TAKEOFF_ALT", height_m)
+        climb = Climb(ground_m, height_m, float(await self.parameter("NAV_MC_ALT_RAD")))
         # NaN (null) leaves yaw, place and altitude to PX4, which then climbs to MIS_TAKEOFF_ALT.
         await self._command(
             _CMD_NAV_TAKEOFF,
@@ -167,7 +212,7 @@ class MavsdkAutopilot:
             "takeoff",
         )
         await self._until(
-            lambda state: _hovers(state, ground_m + _TAKEOFF_SHARE * height_m),
+            climb.hovers,
             10 + _CLIMB_S_PER_M * height_m,
             f"takeoff: hovering at {height_m:g} m",
         )
@@ -283,16 +328,35 @@ class MavsdkAutopilot:
                 raise AutopilotError(f"{reason()} (waited {timeout_s:g} s)")
 
     async def _watch(self) -> None:
-        """Until heartbeats have stayed away for long: asks for late ones, and tells the autopilot how we are."""
+        """Until heartbeats have stayed away for long: asks for what stays away, and tells the autopilot how we are."""
         status_ns = 0
         while self._heartbeat_age_s() < _RECONNECT_S:
             await self._sleep(_WATCH_S)
             with contextlib.suppress(AutopilotError):  # what was not sent shows as a heartbeat that stays away
-                if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
-                    self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
+                self._ask_again()
                 if self._clock.now_ns() - status_ns >= _STATUS_S * NS_PER_S:
                     status_ns = self._clock.now_ns()
+                    self._warn_of_others()
                     self._link.send("ONBOARD_COMPUTER_STATUS", **onboard_status.fields())
+
+    def _warn_of_others(self) -> None:
+        """Another vehicle on the link is left alone, and said once."""
+        for name in self._link.others() - self._others:
+            self._others.add(name)
+            _LOG.warning("autopilot %s: %s is on the link too and is left alone", self._link.url, name)
+
+    def _ask_again(self) -> None:
+        """A late heartbeat, and all that a restarted vehicle has forgotten or that was lost on the way."""
+        state, now_ns = self.state(), self._clock.now_ns()
+        if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
+            self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
+        unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(_INTERVALS_US)
+        due = now_ns - self._asked_ns > _STATUS_S * NS_PER_S
+        if state.boots != self._asked_boots or (due and unanswered):
+            self._ask_for_telemetry()
+        elif due and not state.firmware:
+            self._asked_ns = now_ns
+            self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
 
     def _heartbeat_age_s(self) -> float:
         return (self._clock.now_ns() - (self.state().heartbeat_mono_ns or 0)) / NS_PER_S
@@ -301,23 +365,15 @@ class MavsdkAutopilot:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))
 
     def _ask_for_telemetry(self) -> None:
+        self._asked_ns, self._asked_boots = self._clock.now_ns(), self.state().boots
+        self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] = 0
         intervals_us = _INTERVALS_US | ({_ODOMETRY: _ODOMETRY_INTERVAL_US} if self._wants_odometry else {})
         for message_id, interval_us in intervals_us.items():
             self._send_command(_CMD_SET_MESSAGE_INTERVAL, (message_id, interval_us))
-        self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
+        for message_id in (_HEARTBEAT, _AUTOPILOT_VERSION):
+            self._send_command(_CMD_REQUEST_MESSAGE, (message_id,))
 
     def _send_command(self, command: int, parameters: tuple[float | None, ...]) -> None:
         padded = (*parameters, *(0,) * (7 - len(parameters)))
         fields = {f"param{i}": value for i, value in enumerate(padded, 1)}
         self._link.send_addressed("COMMAND_LONG", command=command, confirmation=0, **fields)
-
-
-def _hovers(state: VehicleState, least_height_m: float) -> bool:
-    """Whether the climb has ended where it should. PX4 goes from TAKEOFF to HOLD by itself, at the height it was given:
-    HOLD anywhere below is a person's or a failsafe's."""
-    if state.mode not in (FlightMode.TAKEOFF, FlightMode.HOLD):
-        raise GaveWayError(f"takeoff: the mode became {state.mode} meanwhile; somebody else decided")
-    hovering = state.in_air and state.mode is FlightMode.HOLD
-    if hovering and (state.p_local_enu_m is None or state.p_local_enu_m[2] < least_height_m):
-        raise GaveWayError("takeoff: the climb was ended below its height; somebody else decided")
-    return hovering

@@ -14,13 +14,17 @@ import errno
 import functools
 import json
 import logging
+import os
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import mavsdk
+from mavsdk.autopilot import Autopilot as Kind
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
@@ -29,29 +33,35 @@ from companion.autopilot.port import AutopilotError
 _LOG = logging.getLogger(__name__)
 _NATIVE_LOG = logging.getLogger("mavsdk")
 _CLOSE_TIMEOUT_S = 3.0
+_LOOK_S = 0.02
+_NAMES = {Kind.PX4: "PX4", Kind.ARDUPILOT: "ArduPilot"}
 
 
 class MavsdkLink:
     """One MAVSDK connection such as udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600; may be opened again.
 
+    It speaks to one vehicle: that of `system_id`, or without one the first PX4 it has heard, for as long as it lives.
     `on_message` gets the name, the sender's component id and the fields as JSON, on the library's thread.
     """
 
-    def __init__(self, url: str, names: Iterable[str], on_message: Callable[[str, int, str], None]) -> None:
+    def __init__(
+        self, url: str, names: Iterable[str], on_message: Callable[[str, int, str], None], system_id: int | None = None
+    ) -> None:
         self.url = url
-        self.system_id = 0
+        self.system_id = system_id
         self._names = tuple(names)
         self._on_message = on_message
         self._mavsdk: Any = None
         self._direct: Any = None
-
-    @property
-    def is_open(self) -> bool:
-        return self._direct is not None
+        self._native = threading.Lock()
+        """Held while the library opens a connection, or is destroyed: both at once crash it, or hang."""
 
     async def open(self, timeout_s: float) -> None:
-        """Raises AutopilotError when the port is taken or no autopilot is heard within `timeout_s`."""
+        """Raises AutopilotError when the port is taken, or our vehicle is not heard within `timeout_s` or is no PX4.
+
+        What can be seen without the library is seen before there is one."""
         _refuse_taken_port(self.url)
+        _refuse_missing_device(self.url)
         _route_native_log()
         kind = mavsdk.ComponentType.COMPANION_COMPUTER
         self._mavsdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
@@ -69,7 +79,8 @@ class MavsdkLink:
         loop, closed = asyncio.get_running_loop(), asyncio.Event()
 
         def close() -> None:
-            library.destroy()
+            with self._native:
+                library.destroy()
             with contextlib.suppress(RuntimeError):  # the loop is gone: nobody waits any more
                 loop.call_soon_threadsafe(closed.set)
 
@@ -89,7 +100,7 @@ class MavsdkLink:
             raise AutopilotError(f"autopilot {self.url}: not connected; {name} was not sent")
         text = json.dumps(fields, allow_nan=False)
         try:
-            self._direct.send_message(MavlinkMessage(name, 0, 0, self.system_id, 1, text))
+            self._direct.send_message(MavlinkMessage(name, 0, 0, self.system_id or 0, 1, text))
         except MavsdkError as error:
             raise AutopilotError(f"autopilot {self.url}: {name} was not sent: {error}") from error
 
@@ -98,39 +109,79 @@ class MavsdkLink:
 
     async def _find_autopilot(self, timeout_s: float) -> Any:
         try:
-            # Opening a serial port may take a while.
-            await asyncio.to_thread(self._mavsdk.add_any_connection_with_handle, self.url)
+            await self._connect()
         except MavsdkError as error:
             wanted = "expected udpin://HOST:PORT or serial:///DEV:BAUD"
             raise AutopilotError(f"autopilot {self.url}: {error}; {wanted}") from error
-        system = await self._first_autopilot(timeout_s)
-        if system is None:
-            raise AutopilotError(f"autopilot {self.url}: no heartbeat of an autopilot within {timeout_s:g} s")
-        return system
+        return await self._vehicle(timeout_s)
 
-    async def _first_autopilot(self, timeout_s: float) -> Any:
-        loop = asyncio.get_running_loop()
-        found: asyncio.Future[Any] = loop.create_future()
+    async def _connect(self) -> None:
+        """On a daemon thread: opening a serial port may take a while, or for ever. Raises MavsdkError."""
+        library, loop = self._mavsdk, asyncio.get_running_loop()
+        done: asyncio.Future[None] = loop.create_future()
 
-        def settle(system: Any) -> None:
-            if not found.done():
-                found.set_result(system)
+        def finish(error: MavsdkError | None) -> None:
+            if not done.done():
+                done.set_exception(error) if error is not None else done.set_result(None)
 
-        handle = self._mavsdk.first_autopilot_async(timeout_s, lambda system: loop.call_soon_threadsafe(settle, system))
-        try:
-            return await found
-        finally:
-            self._mavsdk.cancel_first_autopilot(handle)
+        def connect() -> None:
+            failure: MavsdkError | None = None
+            try:
+                with self._native:
+                    library.add_any_connection_with_handle(self.url)
+            except MavsdkError as error:
+                failure = error
+            with contextlib.suppress(RuntimeError):  # the loop is gone: nobody waits any more
+                loop.call_soon_threadsafe(finish, failure)
+
+        threading.Thread(target=connect, name="mavsdk-open", daemon=True).start()
+        await done
+
+    async def _vehicle(self, timeout_s: float) -> Any:
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            systems = [system for system in self._mavsdk.get_systems() if system.has_autopilot()]
+            for system in systems:  # in the order in which they were first heard
+                is_px4 = system.autopilot_type() is Kind.PX4
+                if is_px4 and self.system_id in (None, system.get_system_id()) and system.is_connected():
+                    return system
+            if time.monotonic() > deadline_s:
+                raise AutopilotError(self._why_nobody(systems, timeout_s))
+            await asyncio.sleep(_LOOK_S)
+
+    def _why_nobody(self, systems: list[Any], timeout_s: float) -> str:
+        heard = {system.get_system_id(): system.autopilot_type() for system in systems if system.is_connected()}
+        texts = {
+            number: f"system {number} ({_NAMES.get(kind, 'an unknown autopilot')})" for number, kind in heard.items()
+        }
+        others = ", ".join(text for number, text in texts.items() if number != self.system_id)
+        if self.system_id in texts or (self.system_id is None and texts):
+            found = texts.get(self.system_id or 0, others)
+            return f"autopilot {self.url}: {found} is no PX4 and is left alone"
+        ours = "an autopilot" if self.system_id is None else f"system {self.system_id}"
+        left = f"; heard and left alone: {others}" if others else ""
+        return f"autopilot {self.url}: no heartbeat of {ours} within {timeout_s:g} s{left}"
 
     def _subscribe(self, system: Any) -> None:
+        """The library takes no part in TIMESYNC (`enable_timesync`): it would answer with the vehicle's time as it
+        found it up to 5 s ago by the wall clock, which may step."""
         self.system_id = system.get_system_id()
-        system.enable_timesync()
         self._direct = MavlinkDirect(system)
         for name in self._names:
             self._direct.subscribe_message(name, self._take)
 
+    def others(self) -> set[str]:
+        """The other vehicles that are heard on the link, in words."""
+        systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
+        return {_name(s) for s in systems if s.has_autopilot() and s.get_system_id() != self.system_id}
+
     def _take(self, message: MavlinkMessage, user_data: object) -> None:
-        self._on_message(message.message_name, message.component_id, message.fields_json)
+        if message.system_id == self.system_id:
+            self._on_message(message.message_name, message.component_id, message.fields_json)
+
+
+def _name(system: Any) -> str:
+    return f"system {system.get_system_id()} ({_NAMES.get(system.autopilot_type(), 'an unknown autopilot')})"
 
 
 def _refuse_taken_port(url: str) -> None:
@@ -144,6 +195,18 @@ def _refuse_taken_port(url: str) -> None:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 raise AutopilotError(f"autopilot {url}: the port is taken by another process") from None
+
+
+def _refuse_missing_device(url: str) -> None:
+    """No library is made for a serial line that is not there: it would come to nothing, and may crash at the end."""
+    parts = urlsplit(url)
+    if not parts.scheme.startswith("serial"):
+        return
+    device = Path(parts.path.split(":")[0])
+    if not device.exists():
+        raise AutopilotError(f"autopilot {url}: there is no device {device}")
+    if not os.access(device, os.R_OK | os.W_OK):
+        raise AutopilotError(f"autopilot {url}: no permission for {device}; its group is usually dialout")
 
 
 @functools.cache  # once: the library may be calling the old callback while it is replaced

@@ -1,8 +1,9 @@
 """ODOMETRY (MAVLink common.xml message 331) to and from `Pose`: VIO to the autopilot, and the autopilot's own odometry.
 
-To PX4 (docs.px4.io, "Using vision or motion capture systems"): frame_id 20 (LOCAL_FRD) and child_frame_id 12
+To PX4 (docs.px4.io, "Using vision or motion capture systems"): frame_id 1 (LOCAL_NED) and child_frame_id 12
 (BODY_FRD), velocity in body axes; with the default frame 14 PX4 drops the message silently. Our poses are turned to
-North, so the LOCAL_FRD sent here is North, East, Down. Covariances are upper triangles of 6 x 6, row by row: x, y, z,
+North; in LOCAL_FRD (20), which may point anywhere, PX4 1.16 would give up its yaw alignment and with it the global
+position that its hold mode needs. Covariances are upper triangles of 6 x 6, row by row: x, y, z,
 roll, pitch, yaw.
 """
 
@@ -31,11 +32,11 @@ _ANGLE_STD_RAD: Final = (math.inf, 0.3, 0.1, 0.03)
 _VELOCITY_STD_M_S: Final = (math.inf, 0.5, 0.15, 0.05)
 
 
-def odometry_fields(pose: Pose, reset_counter: int) -> dict[str, Any]:
+def odometry_fields(pose: Pose, reset_counter: int, vehicle_ns: int) -> dict[str, Any]:
     """Every field of the message for a pose of confidence 1..3. Raises ValueError for a failed tracker (0).
 
-    The time is the pose's own: MAVSDK answers TIMESYNC with CLOCK_MONOTONIC (measured), so that is the clock the
-    autopilot relates to its own, and a step of the wall clock means nothing here.
+    `vehicle_ns` is the pose's time by the vehicle's own clock. TIMESYNC is answered with that clock too, so the stamp
+    is right before PX4 has converged on the answers, when it does not look at it, and after.
     """
     if not 1 <= pose.confidence <= 3:
         raise ValueError(f"confidence {pose.confidence}: a pose of a failed tracker is not forwarded")
@@ -46,8 +47,8 @@ def odometry_fields(pose: Pose, reset_counter: int) -> dict[str, Any]:
     vx, vy, vz = np.asarray(body).tolist()
     std_m, std_rad, std_m_s = (row[pose.confidence] for row in (_POSITION_STD_M, _ANGLE_STD_RAD, _VELOCITY_STD_M_S))
     return {
-        "time_usec": pose.t_mono_ns // 1000,
-        "frame_id": LOCAL_FRD,
+        "time_usec": vehicle_ns // 1000,
+        "frame_id": LOCAL_NED,
         "child_frame_id": BODY_FRD,
         "x": x,
         "y": y,

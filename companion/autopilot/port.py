@@ -44,6 +44,9 @@ class Autopilot(Protocol):
         """Send a pose of our own tracker for the autopilot's estimator. `reset_counter` rises when the tracker began
         anew."""
 
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Say where on Earth the local frame of a vehicle without GPS begins; telemetry shows whether it was taken."""
+
     def take_events(self) -> list[AutopilotEvent]:
         """What the autopilot said since the last call; the newest hundred."""
 

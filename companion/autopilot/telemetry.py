@@ -11,12 +11,15 @@ import json
 import math
 import struct
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from companion.autopilot.batteries import Batteries
 from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
+from companion.autopilot.resets import PositionResets
+from companion.autopilot.vehicle_clock import Turn, VehicleClock
 from companion.core.messages import AutopilotEvent, Pose, Vector3, VehicleState
 from wsr.frames import enu_from_ned, yaw_enu_from_ned
 
@@ -30,46 +33,67 @@ _LANDED_STATES_IN_AIR = (2, 3, 4)
 """In air, taking off, landing."""
 _PARAMETER_REAL32 = 9
 _EVENTS_KEPT = 100
+_WARNING = 4
+_KINDS: Final = {3: "ardupilot", 12: "px4"}
+"""MAV_AUTOPILOT."""
 _ESTIMATED = 1 | 2 | 4
 """ESTIMATOR_STATUS_FLAGS: attitude, horizontal and vertical velocity; all of them are needed,"""
 _POSITION_ESTIMATED = 8 | 16
 """relative or absolute horizontal position; one of them is needed,"""
-_NOT_ESTIMATED = 128 | 2048
-"""constant position mode, accelerometer error; none of them may be set."""
+_GLOBAL_POSITION = 16
+"""Absolute horizontal position: without GPS PX4 has it once it was given an origin."""
+_AIDED = 256 | 512
+"""and something that measures it now (PX4 uses its two predictions for that); one of them is needed,"""
+_ACCELEROMETER_ERROR = 2048
+"""which must not be,"""
+_CONSTANT_POSITION = 128
+"""nor this in the air. On the ground it is normal: PX4 sets it while the vehicle stands still, disarmed."""
 
 
 class Telemetry:
     """Thread-safe. `parameters` and `acknowledgements` hold the newest value per name and per command.
 
-    `on_odometry` gets the autopilot's own odometry, on the thread of `take`.
+    On the thread of `take`, `on_odometry` gets the autopilot's own odometry, and `on_time_question` the ts1 of each of
+    its TIMESYNC requests.
     """
 
-    def __init__(self, now_ns: Callable[[], int], on_odometry: Callable[[Pose], None] | None = None) -> None:
+    def __init__(
+        self,
+        now_ns: Callable[[], int],
+        on_odometry: Callable[[Pose], None] | None = None,
+        on_time_question: Callable[[int], None] = lambda _: None,
+    ) -> None:
         self.parameters: dict[str, int | float | None] = {}
         self.acknowledgements: dict[int, int] = {}
+        self.acknowledged: Counter[int] = Counter()
+        """How often each command was answered."""
         self.malformed = 0
+        self._vehicle_clock = VehicleClock()
+        self._batteries = Batteries()
+        self._resets = PositionResets()
         self._events: deque[AutopilotEvent] = deque(maxlen=_EVENTS_KEPT)  # full: the oldest goes
         self._on_odometry = on_odometry
+        self._on_time_question = on_time_question
         self._now_ns = now_ns
         self._lock = threading.Lock()
-        self._state = VehicleState(now_ns())
+        self._state = VehicleState(t_mono_ns=now_ns())
         handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
             "CURRENT_MODE": _current_mode,
-            "LOCAL_POSITION_NED": _local_position,
-            "ATTITUDE": _attitude,
+            "LOCAL_POSITION_NED": self._local_position,
+            "ATTITUDE": self._attitude,
             "EXTENDED_SYS_STATE": _landed_state,
-            "BATTERY_STATUS": _battery,
+            "BATTERY_STATUS": self._battery,
             "PARAM_VALUE": self._parameter,
             "COMMAND_ACK": self._acknowledgement,
-            "ESTIMATOR_STATUS": _estimator,
+            "ESTIMATOR_STATUS": self._estimator,
             "RC_CHANNELS": _rc,
-            "TIMESYNC": _timesync,
+            "TIMESYNC": self._timesync,
+            "AUTOPILOT_VERSION": _version,
+            "ODOMETRY": self._odometry,
             "STATUSTEXT": self._text,
             "EVENT": self._event,
         }
-        if on_odometry is not None:
-            handlers["ODOMETRY"] = self._odometry
         self._handlers: Final = handlers
 
     @property
@@ -93,7 +117,28 @@ class Telemetry:
     def state(self) -> VehicleState:
         """The newest telemetry, stamped now."""
         with self._lock:
-            return dataclasses.replace(self._state, t_mono_ns=self._now_ns())
+            now_ns, clock, charge = self._now_ns(), self._vehicle_clock, self._batteries.now(self._now_ns())
+            return dataclasses.replace(
+                self._state,
+                t_mono_ns=now_ns,
+                battery_remaining=charge.remaining,
+                battery_mono_ns=charge.mono_ns,
+                batteries_unknown=charge.unknown,
+                clock_offset_ns=clock.offset_ns,
+                stood_still_ns=clock.stood_still_ns,
+                resets=self._resets.count,
+                p_reset_enu_m=self._resets.offset_enu_m,
+            )
+
+    def identify(self, system_id: int) -> None:
+        """Which vehicle this is the telemetry of."""
+        with self._lock:
+            self._state = dataclasses.replace(self._state, system_id=system_id)
+
+    def vehicle_ns(self, t_mono_ns: int) -> int | None:
+        """The vehicle's own time at one of ours; None while it is not known."""
+        with self._lock:
+            return self._vehicle_clock.at(t_mono_ns)
 
     def take_events(self) -> list[AutopilotEvent]:
         """What the autopilot has said since the last call, oldest first."""
@@ -101,6 +146,34 @@ class Telemetry:
         while self._events:
             events.append(self._events.popleft())
         return events
+
+    def _told(self, vehicle_ns: int, now_ns: int) -> None:
+        """What a message says of the vehicle's clock: it may have restarted, or ours may have stood still."""
+        with self._lock:
+            turn = self._vehicle_clock.told(vehicle_ns, now_ns)
+            if turn is Turn.RESTARTED:
+                self._forget(now_ns)
+        if turn is Turn.RESTARTED:
+            text = f"the autopilot has restarted: its clock is at {vehicle_ns / 1e9:.1f} s again"
+            self._events.append(AutopilotEvent(now_ns, _WARNING, text))
+        elif turn is Turn.LEAPT:
+            text = f"our clock stood still: the autopilot's went on by {self._vehicle_clock.stood_still_ns / 1e9:.1f} s"
+            self._events.append(AutopilotEvent(now_ns, _WARNING, text))
+
+    def _forget(self, now_ns: int) -> None:
+        """All that was of the boot before, but for who it is and that it is heard."""
+        was = self._state
+        self._state = VehicleState(
+            t_mono_ns=now_ns,
+            heartbeat_mono_ns=was.heartbeat_mono_ns,
+            system_id=was.system_id,
+            autopilot=was.autopilot,
+            boots=was.boots + 1,
+        )
+        self._batteries = Batteries()
+        self._resets.forget()
+        self.parameters.clear()
+        self.acknowledgements.clear()
 
     def _text(self, fields: Fields, now_ns: int) -> Fields:
         text = str(fields["text"]).rstrip("\0")
@@ -114,9 +187,53 @@ class Telemetry:
         return {}
 
     def _odometry(self, fields: Fields, now_ns: int) -> Fields:
-        assert self._on_odometry is not None
-        self._on_odometry(pose_from_odometry(fields, now_ns))
+        pose = pose_from_odometry(fields, now_ns)
+        vehicle_ns = int(fields["time_usec"]) * 1000
+        with self._lock:
+            self._resets.take(dataclasses.replace(pose, t_mono_ns=vehicle_ns), int(fields["reset_counter"]))
+        if self._on_odometry is not None:
+            self._on_odometry(pose)
         return {}
+
+    def _local_position(self, fields: Fields, now_ns: int) -> Fields:
+        position, velocity = (
+            _enu(*(fields[name] for name in names)) for names in (("x", "y", "z"), ("vx", "vy", "vz"))
+        )
+        self._told(int(fields["time_boot_ms"]) * 1_000_000, now_ns)
+        return {
+            "position_mono_ns": now_ns,
+            "p_local_enu_m": position,
+            "v_local_enu_m_s": velocity,
+            "boot_ms": int(fields["time_boot_ms"]),
+        }
+
+    def _attitude(self, fields: Fields, now_ns: int) -> Fields:
+        yaw_rad = yaw_enu_from_ned(_finite(fields["yaw"]))
+        self._told(int(fields["time_boot_ms"]) * 1_000_000, now_ns)
+        return {"yaw_enu_rad": yaw_rad, "boot_ms": int(fields["time_boot_ms"])}
+
+    def _timesync(self, fields: Fields, now_ns: int) -> Fields:
+        """Without tc1 PX4 asks for our time, and ts1 is its own."""
+        if int(fields["tc1"]):
+            return {}
+        ts1 = int(fields["ts1"])
+        self._told(ts1, now_ns)
+        self._on_time_question(ts1)
+        return {"timesync_mono_ns": now_ns}
+
+    def _battery(self, fields: Fields, now_ns: int) -> Fields:
+        percent = int(fields["battery_remaining"])
+        with self._lock:
+            self._batteries.take(int(fields["id"]), percent / 100 if percent >= 0 else None, now_ns)
+        return {}
+
+    def _estimator(self, fields: Fields, now_ns: int) -> Fields:
+        flags = int(fields["flags"])
+        return {
+            "estimator_mono_ns": now_ns,
+            "estimator_healthy": is_healthy(flags, self._state.in_air),
+            "position_is_global": bool(flags & _GLOBAL_POSITION),
+        }
 
     def _parameter(self, fields: Fields, now_ns: int) -> Fields:
         value = fields["param_value"]
@@ -128,6 +245,7 @@ class Telemetry:
 
     def _acknowledgement(self, fields: Fields, now_ns: int) -> Fields:
         self.acknowledgements[int(fields["command"])] = int(fields["result"])
+        self.acknowledged[int(fields["command"])] += 1
         return {}
 
 
@@ -138,38 +256,27 @@ def _heartbeat(fields: Fields, now_ns: int) -> Fields:
         "mode_mono_ns": now_ns,
         "armed": bool(fields["base_mode"] & _MODE_FLAG_SAFETY_ARMED),
         "failsafe": fields["system_status"] == _STATE_CRITICAL,
+        "autopilot": _KINDS.get(fields["autopilot"], f"autopilot {int(fields['autopilot'])}"),
     }
 
 
 def _current_mode(fields: Fields, now_ns: int) -> Fields:
-    return {"mode": flight_mode(fields["custom_mode"]), "mode_mono_ns": now_ns}
-
-
-def _local_position(fields: Fields, now_ns: int) -> Fields:
+    intended = int(fields.get("intended_custom_mode", 0))
     return {
-        "position_mono_ns": now_ns,
-        "p_local_enu_m": _enu(fields["x"], fields["y"], fields["z"]),
-        "v_local_enu_m_s": _enu(fields["vx"], fields["vy"], fields["vz"]),
+        "mode": flight_mode(fields["custom_mode"]),
+        "mode_mono_ns": now_ns,
+        "intended_mode": flight_mode(intended) if intended else None,
     }
-
-
-def _attitude(fields: Fields, now_ns: int) -> Fields:
-    return {"yaw_enu_rad": yaw_enu_from_ned(_finite(fields["yaw"]))}
 
 
 def _landed_state(fields: Fields, now_ns: int) -> Fields:
     return {"in_air": fields["landed_state"] in _LANDED_STATES_IN_AIR}
 
 
-def _battery(fields: Fields, now_ns: int) -> Fields:
-    percent = int(fields["battery_remaining"])
-    return {"battery_remaining": percent / 100 if percent >= 0 else None}
-
-
-def _estimator(fields: Fields, now_ns: int) -> Fields:
-    flags = int(fields["flags"])
-    healthy = flags & _ESTIMATED == _ESTIMATED and bool(flags & _POSITION_ESTIMATED) and not flags & _NOT_ESTIMATED
-    return {"estimator_mono_ns": now_ns, "estimator_healthy": healthy}
+def is_healthy(flags: int, in_air: bool) -> bool:
+    """Whether ESTIMATOR_STATUS.flags tell of a position that can be flown by, with GPS or with our poses."""
+    needed = flags & _ESTIMATED == _ESTIMATED and bool(flags & _POSITION_ESTIMATED) and bool(flags & _AIDED)
+    return needed and not flags & (_ACCELEROMETER_ERROR | (_CONSTANT_POSITION if in_air else 0))
 
 
 def _rc(fields: Fields, now_ns: int) -> Fields:
@@ -177,8 +284,9 @@ def _rc(fields: Fields, now_ns: int) -> Fields:
     return {"rc_mono_ns": now_ns, "rc_us": channels}
 
 
-def _timesync(fields: Fields, now_ns: int) -> Fields:
-    return {"timesync_mono_ns": now_ns}
+def _version(fields: Fields, now_ns: int) -> Fields:
+    version = int(fields["flight_sw_version"])
+    return {"firmware": ".".join(str(version >> shift & 0xFF) for shift in (24, 16, 8))}
 
 
 def parameter_field(value: int | float) -> float:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
 from companion.analysis.bearings import analyze_run
 from companion.analysis.result import LinkResult, Options, RunResult
-from companion.analysis.runs import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
-from companion.analysis.tables import as_json, note_lines, problem_lines, run_table, summarise, summary_table
+from companion.analysis.runs import Run
+from companion.analysis.summary import as_json, note_lines, problem_lines, summarise
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, writing
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
+from companion.commands.output_files import check_writable, write_json
+from companion.commands.recordings import chosen_runs, draw_profiles, lever_option, macs_by_name, run_options
+from companion.commands.tables import run_table, summary_table
+from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
@@ -25,7 +28,7 @@ from wsr.estimators import ESTIMATORS
 _PIPE_COLUMNS = 150
 _PATIENCE_S = 1.0
 
-_file = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, readable=False)  # what cannot be read is said by who reads it
 
 Chosen = tuple[Run, dict[str, str]]
 """A run, and the MACs given for it by transmitter name."""
@@ -33,13 +36,11 @@ Chosen = tuple[Run, dict[str, str]]
 
 @click.command()
 @click.argument("runs", nargs=-1, metavar="[RUN]...", type=_file)
-@click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
-@click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
-@click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
-@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
+@run_options
 @click.option(
     "--channel",
-    type=click.IntRange(36, 177),
+    type=int,
+    callback=known_channel,
     help="5 GHz WiFi channel; else as the truth file says.",
 )
 @click.option(
@@ -57,12 +58,8 @@ Chosen = tuple[Run, dict[str, str]]
 @click.option(
     "--estimator", type=click.Choice(list(ESTIMATORS)), default="robust", show_default=True, help="How it is estimated."
 )
-@click.option(
-    "--lever",
-    type=(float, float, float),
-    metavar="F L U",
-    help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
-)
+@lever_option
+@moving_ends
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 @click.option("--out", type=_file, default=Path("analysis"), show_default=True, help="Folder for the pictures.")
 @click.option("--no-pictures", is_flag=True, help="Numbers only.")
@@ -77,6 +74,10 @@ def analyze(
     poses: str | None,
     estimator: str,
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     json_path: Path | None,
     out: Path,
     no_pictures: bool,
@@ -88,83 +89,27 @@ def analyze(
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
-    chosen = [(run, macs_by_name(macs, run)) for run in chosen_runs(runs, stamps, rx, tx, traj, kind)]
+    found = chosen_runs(runs, stamps, rx, tx, traj, kind)
+    options = Options(kind, channel, lever_m=lever, estimator=estimator)
+    found, options = with_moving_ends(found, options, time_offset, tx_traj, tx_time_offset, tx_lever)
+    chosen = [(run, macs_by_name(macs, run)) for run in found]
     check_writable(json_path, None if no_pictures else out)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_COLUMNS)
+    console = wide_console(_PIPE_COLUMNS)
     results: list[RunResult] = []
     for run, names in _tracked(chosen):
-        result = analyze_run(run, Options(kind, channel, names, lever, estimator))
+        result = analyze_run(run, replace(options, macs=names))
         if not no_pictures:
-            draw(result, out)
+            draw_profiles(result, out)
         results.append(result)
     _report(results, console)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_text(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n")
+        write_json(json_path, as_json(results))
     _check(results)
-
-
-def chosen_runs(
-    folders: tuple[Path, ...],
-    stamps: tuple[str, ...],
-    rx: Path | None,
-    tx: tuple[Path, ...],
-    traj: Path | None,
-    kind: PoseKind | None,
-) -> list[Run]:
-    if rx is None and not tx and traj is None:
-        if not folders:
-            raise click.UsageError("give a RUN folder, or loose files with --rx, --tx and --traj")
-        found = list({(run.folder, run.stamp): run for folder in folders for run in find_runs(folder)}.values())
-        chosen = [run for run in found if not stamps or run.stamp in stamps]
-        missing = sorted(set(stamps) - {run.stamp for run in found})
-        if missing:
-            listed = ", ".join(sorted({run.stamp for run in found})[:10])
-            raise RecordingError(f"no run {', '.join(missing)} in {', '.join(map(str, folders))}; there are: {listed}")
-        return chosen
-    if folders or stamps:
-        raise click.UsageError("--rx, --tx and --traj do not go together with RUN folders and --run")
-    if rx is None or not tx or traj is None:
-        raise click.UsageError("loose files need all of --rx, --tx and --traj")
-    return [loose_run(rx, tx, traj, kind)]
-
-
-def macs_by_name(macs: tuple[str, ...], run: Run) -> dict[str, str]:
-    """MAC by transmitter name. Raises UsageError for a MAC that cannot be told to belong to a file, or not to it."""
-    names: dict[str, str] = {}
-    unnamed = [name for name in run.tx if not any(given.startswith(f"{name}=") for given in macs)]
-    for given in macs:
-        name, _, mac = given.rpartition("=")
-        mac = mac.upper().replace("-", ":")
-        if len(mac.split(":")) != 6 or any(len(byte) != 2 or not _is_hex(byte) for byte in mac.split(":")):
-            raise click.UsageError(f"--mac {given}: expected six bytes such as 00:21:6A:3F:17:5A, or NAME=MAC")
-        if not name:
-            name = KNOWN_TRANSMITTERS.get(mac, "")
-            # A file of another known card stays what it is.
-            if name not in run.tx and len(unnamed) == 1 and not (name and unnamed[0] in KNOWN_TRANSMITTERS.values()):
-                name = unnamed[0]
-            if not name:
-                raise click.UsageError(f"--mac {mac}: whose? Write NAME={mac} with NAME one of {', '.join(run.tx)}")
-        owner = KNOWN_TRANSMITTERS.get(mac)
-        if owner not in (None, name) and name in KNOWN_TRANSMITTERS.values():
-            raise click.UsageError(f"--mac {given}: {mac} is the card of {owner}, not of {name}")
-        if name in names:
-            raise click.UsageError(f"--mac {given}: {name} has already been given {names[name]}")
-        names[name] = mac
-    return names
-
-
-def _is_hex(byte: str) -> bool:
-    return all(digit in "0123456789ABCDEF" for digit in byte)
 
 
 def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
     """The runs, with a progress bar on a terminal as soon as it has taken longer than a second."""
-    progress = Progress(console=Console(stderr=True), transient=True)
+    progress = Progress(*bar_columns(), console=Console(stderr=True), transient=True)
     task = progress.add_task("analysing", total=len(runs))
     start = time.monotonic()
     try:
@@ -177,24 +122,6 @@ def _tracked(runs: list[Chosen]) -> Iterator[Chosen]:
         # Stopping one that never started prints an empty line.
         if progress.live.is_started:
             progress.stop()
-
-
-def draw(result: RunResult, out: Path) -> None:
-    # Imported late: it takes half a second, and --no-pictures does without.
-    from companion.pictures.profile import draw_profile
-
-    for link in result.links:
-        if link.estimate is None or link.profile is None:
-            continue
-        run, truth = result.run, link.truth
-        path = out / f"{run.set_name}_{run.stamp}_{link.name}_{result.kind}.png"
-        bearing = (truth.azimuth_rad, truth.polar_rad) if truth else None
-        seen = {"azimuth": link.estimate.azimuth_observable, "polar angle": link.estimate.polar_observable}
-        unseen = " and ".join(name for name, is_seen in seen.items() if not is_seen)
-        flat = f"  {unseen} not observable on this path" if unseen else ""
-        title = f"{run.title}  {link.name}  ({result.kind}){flat}"
-        with writing(path):
-            draw_profile(path, link.profile, link.estimate, bearing, title, *seen.values())
 
 
 def _report(results: list[RunResult], console: Console) -> None:

@@ -43,7 +43,7 @@ def check_axes(config_path: Path, distance: float, json_path: Path | None) -> No
     wrong = [result.move.name for result in results if result.problem]
     wrong += ["north"] if north[0] is not None and abs(north[0]) > _NORTH_DEG else []
     if wrong:
-        raise CompanionError(f"the axes are wrong: {', '.join(wrong)}; see docs/safety.md, Axes")
+        raise CompanionError(f"the axes are wrong: {', '.join(wrong)}; see docs/vehicle.md, Axes")
 
 
 def _one(control: Path, move: HandMove, distance_m: float) -> MoveResult:

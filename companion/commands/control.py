@@ -34,8 +34,8 @@ def _ask(path: Path, command: str) -> dict[str, Any]:
 @_socket_option
 def engage(socket_path: Path) -> None:
     """Hand the vehicle to the companion: preflight, take off, approach."""
-    _ask(socket_path, "engage")
-    click.echo("engaged")
+    answer = _ask(socket_path, "engage")
+    click.echo(f"engaged: {answer['vehicle']}" if "vehicle" in answer else "engaged")
 
 
 @click.command()
@@ -59,7 +59,11 @@ def status(socket_path: Path, as_json: bool) -> None:
     for key, value in answer.items():
         if not isinstance(value, dict) and key != "ok":
             click.echo(f"{key:>20}  {value}")
-    for label, text in radio_lines(health):
+    try:
+        lines = list(radio_lines(health))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise CompanionError(f"{socket_path}: of another version ({error!r}); --json shows all") from None
+    for label, text in lines:
         click.echo(f"{label:>20}  {text}")
 
 
@@ -67,13 +71,16 @@ def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """(label, what a person wants to know) of the card, the neighbours and the interfaces, from a service's health."""
     if (radio := health.get("radio")) is not None:
         refused = radio["malformed"] + radio["unknown_sender"] + radio["no_sender"] + radio["wide"]
-        seen = f"{radio['samples']} packets of neighbours, {refused} of others or unusable"
+        wide = f" ({radio['wide']} of 40 MHz)" if radio["wide"] else ""
+        seen = f"{radio['samples']} packets of neighbours, {refused} of others or unusable{wide}"
         yield "card", f"{seen}, {radio['lost']} counted by the driver and never seen"
     for name, neighbour in health.get("neighbours", {}).items():
         yield f"neighbour {name}", ", ".join(_neighbour(neighbour))
     if "link" in health:
         strangers = {key: health["link"][key] for key in ("unknown_sender", "malformed", "version")}
         yield "strangers", ", ".join(f"{count} {_words(key)}" for key, count in strangers.items())
+    if health.get("network_problem"):
+        yield "robots' network", f"{health['network_problem']}; {health['link']['unsent']} datagrams not sent"
     for name, rate in health.get("interfaces", {}).items():
         yield f"sent at {name}", f"{rate / 1000:.1f} KB/s"
     for pair in health.get("lookalikes", ()):

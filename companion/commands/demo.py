@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 import msgspec
 import numpy as np
-from rich.console import Console
 
+from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
-from companion.sim.demo_view import LiveTable, rows_table, summary_lines
 
 _PIPE_WIDTH = 140
 
@@ -31,8 +31,9 @@ _PIPE_WIDTH = 140
     show_default=True,
     help="Directory for the log, the pictures and the logs of the processes.",
 )
+@click.option("--gps", is_flag=True, help="The vehicle has GPS; without this it flies by the service's poses.")
 @click.option("--json", "json_path", type=click.Path(dir_okay=False, path_type=Path), help="Write the result here.")
-def demo(seed: int, max_time: float, out: Path, json_path: Path | None) -> None:
+def demo(seed: int, max_time: float, out: Path, gps: bool, json_path: Path | None) -> None:
     """A drone finds a ground robot: real MAVLink, UDP, netlink and processes; simulated card, camera and vehicle.
 
     Exit code 0 only when the drone came within 2 m of the robot.
@@ -42,12 +43,10 @@ def demo(seed: int, max_time: float, out: Path, json_path: Path | None) -> None:
     _check_writable(out, json_path)
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_WIDTH)  # a pipe or file has no width of its own; 80 columns would cut the table
+    console = wide_console(_PIPE_WIDTH)
     with LiveTable(console) as table:
         try:
-            run = asyncio.run(run_demo(seed, out, max_time, table.show))
+            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps))
         except asyncio.CancelledError:
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)
@@ -88,7 +87,7 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
             np.array([t.uav_antenna_enu_m for t in run.truths]),
             np.array([t.beacon_antenna_enu_m for t in run.truths]),
             bearings,
-            f"Rendezvous, seed {result.seed}: {result.outcome}",
+            f"The flight from above, seed {result.seed}: {result.outcome}",
         )
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:

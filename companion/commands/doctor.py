@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
+from companion.commands.output_files import check_writable, write_json
+from companion.commands.terminal import Console, bar_columns
 from companion.config.file import load_config
 from companion.config.schema import Config
 from companion.errors import CompanionError
@@ -36,6 +36,7 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
     The service must not be running, or csi.source must be netlink. Exit code 1 when anything is wrong.
     """
     config = load_config(config_path)
+    check_writable(json_path)
     checks = []
     for check in static_checks(config, System()):
         _show(check)
@@ -48,10 +49,7 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
         _show(check)
     checks += heard
     if json_path is not None:
-        try:
-            json_path.write_text(json.dumps([asdict(check) for check in checks], indent=2) + "\n")
-        except OSError as error:
-            raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
+        write_json(json_path, [asdict(check) for check in checks])
     failed(checks)
 
 
@@ -68,7 +66,7 @@ def _heard(config: Config, seconds: float) -> list[Check]:
 def _listening(seconds: float) -> Iterator[Callable[[float], None]]:
     """A bar that fills while it listens. Silent where there is no terminal."""
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*bar_columns(), console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"listening for {seconds:g} s", total=1.0)
         yield lambda share: bar.update(task, completed=share)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -10,22 +9,23 @@ from functools import partial
 from pathlib import Path
 
 import click
-import msgspec
-from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis.evaluation import Evaluation, RunRows, Trust, evaluate_run, evaluation
+from companion.analysis.evaluation import MIN_RANKED, Evaluation, RunRows, Trust, evaluate_run, evaluation
 from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
-from companion.analysis.tables import figures_table, lever_line
+from companion.analysis.summary import lever_line
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, writing
+from companion.commands.output_files import check_writable, write_json, writing
+from companion.commands.recordings import lever_option
+from companion.commands.tables import figures_table
+from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 120
-_path = click.Path(path_type=Path)
+_path = click.Path(path_type=Path, readable=False)  # what cannot be read is said by who reads it
 
 
 @click.command()
@@ -54,12 +54,7 @@ _path = click.Path(path_type=Path)
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=lambda: os.cpu_count() or 1, help="Processes.  [default: all cores]"
 )
-@click.option(
-    "--lever",
-    type=(float, float, float),
-    metavar="F L U",
-    help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
-)
+@lever_option
 @click.option("--json", "json_path", type=_path, help="Write the result, with a row for each link.")
 @click.option("--out", type=_path, help="Folder for the pictures: error CDFs, and error against links kept.")
 def evaluate(
@@ -78,11 +73,7 @@ def evaluate(
     never fitted to the truth. A link whose files are there but that gives no estimate, or whose truth is not known,
     counts as 180 degrees off; the reasons are listed.
     """
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_COLUMNS)
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
+    console = wide_console(_PIPE_COLUMNS)
     kind = PoseKind(poses)
     runs = find_runs(directory)
     check_writable(json_path, out)
@@ -93,8 +84,7 @@ def evaluate(
     result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
     _print(result, console)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_json(json_path, result)
     if out is not None:
         with writing(out):
             _draw(result, out, console)
@@ -104,7 +94,7 @@ def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]
     """All runs, shared out to processes. The order in which they end does not show in the result."""
     done: list[RunRows] = []
     with (
-        Progress(console=Console(stderr=True), transient=True) as progress,
+        Progress(*bar_columns(), console=Console(stderr=True), transient=True) as progress,
         ProcessPoolExecutor(max_workers=min(jobs, len(runs))) as pool,
     ):
         task = progress.add_task("evaluating", total=len(runs))
@@ -139,10 +129,15 @@ def _said(result: Evaluation) -> Iterator[str]:
 
 def _trust_line(trust: Trust) -> str:
     within = "" if trust.reliable_within_3_std is None else f", {trust.reliable_within_3_std:.0%} within 3 deviations"
+    text = f"reliability above 0.8: {trust.reliable} of {trust.links} links{within}"
+    if trust.links < MIN_RANKED:
+        return f"{text}; how it ranks them is left out: {trust.links} links, at least {MIN_RANKED} are needed"
+    half, (gain_low, gain_high), (low, high) = trust.best_half, trust.best_half_gain_deg, trust.area_difference_deg
     return (
-        f"reliability above 0.8: {trust.reliable} links{within}; more reliable half: median "
-        f"{trust.best_half.median_deg:.2f}°, mean {trust.best_half.mean_deg:.2f}°; area under risk and coverage: "
-        f"{trust.area_reliability_deg:.2f}° by reliability, {trust.area_profile_variance_deg:.2f}° by profile variance"
+        f"{text}; more reliable half ({half.n} links): median {half.median_deg:.2f}°, mean {half.mean_deg:.2f}°, "
+        f"{gain_low:+.2f} to {gain_high:+.2f}° below that of all {trust.links} (95 %); area under risk and coverage: "
+        f"{trust.area_reliability_deg:.2f}° by reliability, {trust.area_profile_variance_deg:.2f}° by "
+        f"profile variance (difference {low:+.2f} to {high:+.2f}°)"
     )
 
 

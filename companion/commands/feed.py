@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 import click
-from rich.console import Console
 from rich.progress import Progress
 
+from companion.commands.output_files import write_json
+from companion.commands.terminal import Console, bar_columns
 from companion.errors import CompanionError
 from csi_bridge.dat import DatFileError
 from csi_bridge.feitcsi.netlink import VendorEventFeeder, port_has_listener, vendor_events_available
@@ -29,7 +29,7 @@ _PATIENCE_S: Final = 3.0
 
 
 @click.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path, readable=False))
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.01, max=1000),
@@ -71,7 +71,7 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     start_s = time.monotonic()
     sent = taken = 0
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*bar_columns(), console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"feeding {file.name}", total=len(tape.records))
         try:
             for progressed in play(tape, feeder, rate):
@@ -89,10 +89,7 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     }
     click.echo(f"{file.name}: {sent} records in {result['seconds']:.2f} s, {sent - taken} refused by the receiver")
     if json_path is not None:
-        try:
-            json_path.write_text(json.dumps(result, indent=2) + "\n")
-        except OSError as error:
-            raise CompanionError(f"{json_path}: cannot be written: {error.strerror}") from None
+        write_json(json_path, result)
     if not taken:
         raise CompanionError(
             f"{file}: none of its {sent} records was taken: the receiver is gone, or its buffer is full"

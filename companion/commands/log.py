@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import json
-import math
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
+from companion.commands.channel_option import known_channel
+from companion.commands.moving_ends import moving_ends, with_moving_ends
+from companion.commands.output_files import check_writable, new_folder, write_json, writing
 from companion.commands.progress import tracked_bytes
+from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
+from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from companion.log.info import LogInfo, inspect
 
-_file = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, readable=False)
 _WIDTH = 120
 
 
@@ -31,14 +33,15 @@ def log() -> None:
 @click.option("--json", "json_path", type=_file, help="Write the result here.")
 def info(paths: tuple[Path, ...], json_path: Path | None) -> None:
     """What a log holds; also of one that was cut off."""
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     infos = []
+    check_writable(json_path)
     for path in paths:
         with tracked_bytes(f"reading {path.name}") as progress:
             infos.append(inspect(path, progress))
         _show(infos[-1], console)
     if json_path is not None:
-        _write_json(json_path, [_info_json(one) for one in infos])
+        write_json(json_path, [_info_json(one) for one in infos])
 
 
 @log.command()
@@ -48,12 +51,15 @@ def repair(path: Path, out: Path | None) -> None:
     """Save what can be read of a log that was cut off, as a whole one. LOG itself is left as it is."""
     from companion.log.repair import repair as save
 
-    target = out or path.with_suffix(f".repaired{path.suffix}")
+    target = out or path.with_name(f"{path.stem}.repaired{path.suffix}")
     with tracked_bytes("repairing") as progress:
         saved = save(path, target, progress)
     click.echo(f"{target}: {saved.messages} messages" + (" (it was whole already)" if saved.was_whole else ""))
     if saved.damaged:
-        click.echo(f"{saved.damaged} damaged places left out: a replay of it will differ from there on", err=True)
+        lost = f"{saved.damaged} damaged places left out, {saved.lost_bytes / 1e3:.1f} kB of the file"
+        click.echo(f"{lost}: a replay of it will differ from there on", err=True)
+    if not saved.is_replayable:
+        click.echo("its configuration and its clock are lost: it cannot be replayed", err=True)
 
 
 @log.command()
@@ -64,14 +70,11 @@ def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
     """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
     from companion.analysis.imported import export as write
     from companion.log.export import FORMATS
-    from companion.log.reader import open_session
+    from companion.log.reader import open_session, understood
 
     session = open_session(path)
-    try:
-        with tracked_bytes("exporting") as progress:
-            written = write(session, formats or FORMATS, out, progress)
-    except OSError as error:
-        raise CompanionError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+    with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
+        written = write(session, formats or FORMATS, out, progress)
     if not written:
         raise CompanionError(f"{path}: holds nothing that {', '.join(formats or FORMATS)} could show")
     click.echo("written: " + ", ".join(map(str, written)))
@@ -85,10 +88,11 @@ def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
 def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) -> None:
     """Logs of one flight as one, on the time of the first: of beacons, of a simulator's truth, of PX4."""
     from companion.log.merge import merge as join
+    from companion.log.reader import understood
 
     if not others and ulg is None:
         raise click.UsageError("one log alone needs no merging: give others, or --ulg")
-    with tracked_bytes("merging") as progress:
+    with understood(first), tracked_bytes("merging") as progress:
         joined = join(first, others, ulg, out, progress)
     for one in joined:
         click.echo(f"{one.path}: {one.offset_s:+.4f} s, {one.how}; topics {one.prefix or 'as they are'}")
@@ -97,13 +101,11 @@ def merge(first: Path, others: tuple[Path, ...], ulg: Path | None, out: Path) ->
 
 @log.command("import")
 @click.argument("run", required=False, metavar="[RUN]", type=_file)
-@click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp.")
-@click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files).")
-@click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files).")
-@click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files).")
-@click.option("--channel", type=click.IntRange(1, 200), help="WiFi channel; else as the ground truth file says.")
+@run_options
+@click.option("--channel", type=int, callback=known_channel, help="WiFi channel; else as the ground truth file says.")
 @click.option("--mac", "macs", multiple=True, metavar="NAME=MAC", help="Card of a transmitter that is not known.")
-@click.option("--lever", type=(float, float, float), metavar="F L U", help="Antenna from the tracked point [m].")
+@lever_option
+@moving_ends
 @click.option("--out", type=_file, default=Path("imported"), show_default=True, help="Folder for <set>_<TS>.mcap.")
 def import_(
     run: Path | None,
@@ -114,27 +116,32 @@ def import_(
     channel: int | None,
     macs: tuple[str, ...],
     lever: Vector3 | None,
+    time_offset: float,
+    tx_traj: tuple[str, ...],
+    tx_time_offset: tuple[str, ...],
+    tx_lever: tuple[str, ...],
     out: Path,
 ) -> None:
     """Recorded runs as logs: a folder of the WSR data sets, or loose .dat files with a trajectory."""
     from companion.analysis.imported import import_run
     from companion.analysis.result import Options
-    from companion.commands.analyze import chosen_runs, macs_by_name
 
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
     runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
+    options = Options(None, channel, lever_m=lever)
+    runs, options = with_moving_ends(runs, options, time_offset, tx_traj, tx_time_offset, tx_lever)
     failed = []
     begun = time.monotonic()
     with tracked_bytes("importing") as progress:
-        out.mkdir(parents=True, exist_ok=True)
+        check_writable(None, out)
         for number, one in enumerate(runs):
             target = out / f"{one.set_name}_{one.folder.resolve().name}_{one.stamp}.mcap"
             try:
-                scene = import_run(one, target, Options(None, channel, macs_by_name(macs, one), lever))
+                scene = import_run(one, target, replace(options, macs=macs_by_name(macs, one)))
             except CompanionError as error:
                 failed.append(str(error))
                 continue
+            for path in (*one.trajectories.values(), *one.tx_trajectories.values()):
+                click.echo(f"  - trajectory {path}")
             for problem in scene.problems:
                 click.echo(f"  ! {problem}", err=True)
             progress(number + 1, len(runs))
@@ -174,10 +181,3 @@ def _info_json(one: LogInfo) -> dict[str, object]:
         "metadata": dict(one.metadata),
         "topics": [asdict(topic) | {"rate_hz": topic.rate_hz} for topic in one.topics],
     }
-
-
-def _write_json(path: Path, content: object) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n")
-    except OSError as error:
-        raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None

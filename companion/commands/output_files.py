@@ -6,23 +6,63 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import msgspec
+
+from companion.analysis.runs import printable
 from companion.errors import CompanionError
+from companion.host.whole_file import write_whole
 
 
 def check_writable(file: Path | None, folder: Path | None = None) -> None:
     """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is; a
     folder that is not there is made."""
     if file is not None:
-        is_new = not file.exists()
-        with writing(file), file.open("a"):
-            pass
-        if is_new:
-            file.unlink()
+        with writing(file):
+            is_new = not file.exists()
+            with file.open("a"):
+                pass
+            if is_new:
+                file.unlink()
     if folder is not None:
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
+
+
+def write_json(path: Path, content: object) -> None:
+    """Dataclasses or plain values, indented, as a whole or not at all. Raises CompanionError.
+
+    What is no number is null, and names of files that are no UTF-8 are as they are printed.
+    """
+    plain = _printable(msgspec.to_builtins(content, enc_hook=_plain))
+    with writing(path):
+        write_whole(path, msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def _plain(value: object) -> object:
+    return float(value) if isinstance(value, float) else str(value)
+
+
+def _printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, dict):
+        return {_printable(key): _printable(item) for key, item in value.items()}
+    return [_printable(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[None]:
+    """A folder that nothing came into, because the work failed, is not left behind."""
+    is_new = not folder.exists()
+    try:
+        yield
+    except CompanionError:
+        if is_new and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
 
 
 @contextmanager
@@ -31,4 +71,4 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror}") from None
+        raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror or error}") from None

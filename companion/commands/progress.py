@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from rich.console import Console
 from rich.progress import Progress
+from rich.text import Text
+
+from companion.commands.terminal import Console, bar_columns
 
 _PATIENCE_S: Final = 1.0
 _REDRAW_S: Final = 0.1
@@ -20,14 +22,14 @@ _REDRAW_S: Final = 0.1
 def working(what: str) -> Iterator[None]:
     """A spinner for work whose length is not known. Silent where there is no terminal."""
     console = Console(stderr=True)
-    with console.status(what) if console.is_terminal else contextlib.nullcontext():
+    with console.status(Text(what)) if console.is_terminal else contextlib.nullcontext():
         yield
 
 
 @contextmanager
 def tracked_bytes(what: str) -> Iterator[Callable[[int, int], None]]:
     """Gives a function to call with (done, total), as often as one likes. Silent where there is no terminal."""
-    bar = Progress(console=Console(stderr=True), transient=True)
+    bar = Progress(*bar_columns(), console=Console(stderr=True), transient=True)
     task = bar.add_task(what, total=None)
     shown = time.monotonic()
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
-from companion.commands.output_files import writing
+from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
+from companion.commands.terminal import Console, wide_console
 from companion.config.file import load_config
 from companion.config.schema import Config
 from companion.errors import CompanionError, ConfigError
-from companion.log.reader import Session, open_session
+from companion.log.reader import Session, open_session, understood
 from companion.log.truths import true_azimuths
 from companion.replay.check import StreamCheck, check
 from companion.replay.comparison import BearingRow, bearing_rows, iterations_of, mission_steps
@@ -69,17 +68,33 @@ def replay(
     if is_check and config_path is not None:
         raise click.UsageError("--check asks for identity, --config for a difference: give one of them")
     session = open_session(log)
+    check_writable(json_path, out)
+    with understood(log):
+        _replay(session, speed, is_check, config_path, live_page, port, json_path, out)
+
+
+def _replay(
+    session: Session,
+    speed: float | None,
+    is_check: bool,
+    config_path: Path | None,
+    live_page: bool,
+    port: int,
+    json_path: Path | None,
+    out: Path | None,
+) -> None:
     if session.metadata.get("role") == "recording":
         for name, is_given in (("--check", is_check), ("--config", config_path), ("--live-page", live_page)):
             if is_given:
                 raise click.UsageError(
-                    f"{name}: {log} is an imported recording, which has no decisions to compare and no mission; its "
-                    "replay gives its bearings (other estimators: companion log export, then analyze --estimator)"
+                    f"{name}: {session.paths[0]} is an imported recording, which has no decisions to compare and no "
+                    "mission; its replay gives its bearings (other estimators: companion log export, then analyze "
+                    "--estimator)"
                 )
         _replay_recording(session, json_path, out)
         return
     config = session.config() if config_path is None else _other_config(config_path)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     begun = time.monotonic()
     with Player(session, config, exact=config_path is None) as player:
         if live_page:
@@ -135,8 +150,7 @@ def _conclude(
             with writing(out / "comparison.png"):
                 draw_comparison(out / "comparison.png", rows, session.paths[0].name, str(other))
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_text(json.dumps(content, indent=2, default=str) + "\n")
+        write_json(json_path, content)
     if failed:
         raise CompanionError(failed)
 
@@ -144,7 +158,7 @@ def _conclude(
 def _verdict(checks: list[StreamCheck], result: ReplayResult, session: Session) -> str:
     differing = [one.topic for one in checks if one.difference is not None]
     if not differing and not result.unexpected:
-        click.echo("identical within the tolerances of docs/log.md")
+        click.echo("identical within the tolerances of docs/replay.md")
         return ""
     dropped = result.dropped_while_recording
     why = f"; {dropped} messages were dropped while recording, so it cannot be exact" if dropped else ""
@@ -193,23 +207,23 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
 def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
     """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
     from companion.analysis.imported import analyze_session
-    from companion.analysis.tables import as_json, note_lines, problem_lines, run_table
+    from companion.analysis.summary import as_json, note_lines, problem_lines
+    from companion.commands.tables import run_table
 
     with working("estimating"):
         result = analyze_session(session)
-    console = Console() if Console().is_terminal else Console(width=_WIDTH)
+    console = wide_console(_WIDTH)
     console.print(run_table(result))
     for line in note_lines(result):
         console.print(f"  - {line}", markup=False, highlight=False, soft_wrap=True)
     for line in problem_lines(result):
         console.print(f"  ! {line}", markup=False, highlight=False, soft_wrap=True)
     if json_path is not None:
-        with writing(json_path):
-            json_path.write_text(json.dumps(as_json([result]), indent=2, allow_nan=False) + "\n")
+        write_json(json_path, as_json([result]))
     if out is not None:
-        from companion.commands.analyze import draw
+        from companion.commands.recordings import draw_profiles
 
-        draw(result, out)
+        draw_profiles(result, out)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

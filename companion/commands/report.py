@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
 from companion.analysis.trajectories import PoseKind
+from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
-from companion.errors import CompanionError
-from companion.log.reader import Session, open_session
+from companion.host.whole_file import write_whole
+from companion.log.reader import Session, open_session, understood
 
 _file = click.Path(path_type=Path)
 
@@ -27,17 +27,17 @@ def report(path: Path, out: Path, poses: str | None, json_path: Path | None) -> 
     Truth is taken from the log, or from truth.mcap beside it.
     """
     session = open_session(path)
-    try:
-        out.open("a").close()  # before the work, not after it
+    check_writable(out)
+    check_writable(json_path)
+    with understood(path):
         if session.metadata.get("role") == "recording":
             page, numbers = _recording(session, PoseKind(poses) if poses else None)
         else:
             page, numbers = _flight(session)
-        out.write_text(page, encoding="utf-8")
-        if json_path is not None:
-            json_path.write_text(json.dumps(numbers, indent=2) + "\n")
-    except OSError as error:
-        raise CompanionError(f"{error.filename or out}: cannot be written: {error.strerror}") from None
+    with writing(out):
+        write_whole(out, page)
+    if json_path is not None:
+        write_json(json_path, numbers)
     click.echo(f"written: {out} ({len(page) / 1e6:.1f} MB)")
 
 
@@ -53,7 +53,7 @@ def _flight(session: Session) -> tuple[str, dict[str, Any]]:
 
 def _recording(session: Session, kind: PoseKind | None) -> tuple[str, dict[str, Any]]:
     from companion.analysis.imported import analyze_session, path_of_recording, scene_of
-    from companion.analysis.tables import as_json
+    from companion.analysis.summary import as_json
     from companion.report.page import recording_page
     from companion.report.pictures import path_of
 

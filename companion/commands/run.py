@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from pathlib import Path
 
@@ -24,6 +23,6 @@ def run(config_path: Path, verbose: bool) -> None:
     """Run as the service: role uav or beacon. Starts idle; `companion engage` hands the vehicle over."""
     config = load_config(config_path)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, format="%(levelname)s %(name)s: %(message)s")
-    from companion.app import serve
+    from companion.app import run_service
 
-    asyncio.run(serve(config))
+    run_service(config)

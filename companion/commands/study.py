@@ -11,17 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress
+from rich.table import Table
 
 from companion.commands.output_files import check_writable, writing
+from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.study.catalogue import MODULES
 from companion.study.catalogue import study as load_study
 from companion.study.local import ProcessRunner
-from companion.study.report import draw, findings_table, write_json, write_page
+from companion.study.report import draw, shown, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
-from companion.study.trials import Runner, RunnerError, TrialError
+from companion.study.trials import RunnerError, TrialError, TrialRunner
 
 ALL = "all"
 _PAGE = "report.html"
@@ -66,9 +67,7 @@ def study(
 
     Trials are shared out to processes, here or on a Dask cluster; the numbers depend on the seed alone.
     """
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_PIPE_COLUMNS)
+    console = wide_console(_PIPE_COLUMNS)
     # A study may take an hour: what would lose its results is said before.
     check_writable(json_path, out)
     done = _Done(name, out, json_path)
@@ -146,7 +145,7 @@ class _Done:
 
 
 def _runner(cluster: str | None, jobs: int) -> Any:
-    """A context manager that gives a `Runner`."""
+    """A context manager that gives a `TrialRunner`."""
     if cluster is None:
         return nullcontext(ProcessRunner(jobs))
     from companion.study.cluster import DaskRunner
@@ -154,7 +153,7 @@ def _runner(cluster: str | None, jobs: int) -> Any:
     return DaskRunner(cluster)
 
 
-def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner) -> Outcome:
+def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner) -> Outcome:
     start = time.monotonic()
     columns = (*Progress.get_default_columns(), MofNCompleteColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
@@ -165,12 +164,34 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: Runner
         raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
     elapsed_s = time.monotonic() - start
     return Outcome(
-        study.name, study.title, study.figures, seed, len(specs), elapsed_s, summary.findings, summary.notes, rows
+        study=study.name,
+        title=study.title,
+        figures=study.figures,
+        seed=seed,
+        trials=len(specs),
+        elapsed_s=elapsed_s,
+        findings=summary.findings,
+        notes=summary.notes,
+        rows=rows,
     )
 
 
-def _print(outcome: Outcome, runner: Runner, console: Console) -> None:
-    console.print(findings_table(outcome))
+def _print(outcome: Outcome, runner: TrialRunner, console: Console) -> None:
+    console.print(_findings_table(outcome))
     for note in outcome.notes:
         console.print(f"  {note}", markup=False, highlight=False)
     console.print(f"  seed {outcome.seed}; {runner.name}", markup=False, highlight=False)
+
+
+def _findings_table(outcome: Outcome) -> Table:
+    """Ours beside the paper's."""
+    title = (
+        f"{outcome.study}: {outcome.title} (seed {outcome.seed}, {outcome.trials} trials, {outcome.elapsed_s:.1f} s)"
+    )
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("quantity")
+    for heading in ("ours", "paper"):
+        table.add_column(heading, justify="right")
+    for finding in outcome.findings:
+        table.add_row(finding.quantity, shown(finding.ours, finding.unit), shown(finding.paper, finding.unit))
+    return table

@@ -8,28 +8,43 @@ import math
 import types
 import typing
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import yaml
 
-from companion.config.schema import Config
+from companion.config.document import read_document
+from companion.config.rules import config_errors
+from companion.config.schema import CHECK, Config
 from companion.errors import ConfigError
+
+_LARGEST_BYTES: Final = 256 << 10
 
 
 def load_config(path: Path) -> Config:
     """Raises ConfigError with one line for each error found."""
-    try:
-        document = yaml.safe_load(path.read_text())
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such configuration file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    document = read_document(_text_of(path), str(path))
     if not isinstance(document, dict):
         raise ConfigError(f"{path}: expected a mapping of keys at the top, got {_kind(document)}")
     return config_of(document, str(path))
+
+
+def _text_of(path: Path) -> str:
+    """Raises ConfigError; reads no more than a configuration can hold, whatever the name stands for."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_BYTES + 1)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such configuration file") from None
+    except (OSError, ValueError) as error:  # a name with a zero byte
+        raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(data) > _LARGEST_BYTES:
+        raise ConfigError(f"{path}: larger than {_LARGEST_BYTES >> 10} KB; expected a configuration")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ConfigError(f"{path}: line {line}: not UTF-8 (byte 0x{data[error.start]:02x})") from None
 
 
 def save_config(config: Config, path: Path) -> None:
@@ -42,7 +57,7 @@ def config_of(document: dict[str, Any], where: str) -> Config:
     errors: list[str] = []
     config = _build(Config, document, "", errors)
     if config is not None and not errors:
-        errors = config.errors()
+        errors = config_errors(config)
     if errors or config is None:
         count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
         raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in errors))
@@ -84,13 +99,20 @@ def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:
             return None
         return [_build(typing.cast(type, arguments[0]), item, f"{path}[{i}]", errors) for i, item in enumerate(value)]
     if not _is_finite(value):
-        errors.append(f"{path}: expected a finite number (got {value!r})")
+        errors.append(f"{path}: expected a finite number (got {_shown(value)})")
         return None
     try:
-        return msgspec.convert(value, hint)
+        converted = msgspec.convert(value, hint)
+        for extra in (one.extra for one in arguments if isinstance(one, msgspec.Meta)):
+            if extra is not None:
+                extra[CHECK](converted)
     except msgspec.ValidationError as error:
-        errors.append(f"{path}: {str(error).replace('`', '')} (got {value!r})")
+        errors.append(f"{path}: {_expected(hint) or str(error).replace('`', '')} (got {_shown(value)})")
         return None
+    except ValueError as error:
+        errors.append(f"{path}: {error}")
+        return None
+    return converted
 
 
 def _is_finite(value: Any) -> bool:
@@ -106,6 +128,19 @@ def _join(path: str, name: str) -> str:
 def _suggestion(key: str, fields: dict[str, Any]) -> str:
     close = difflib.get_close_matches(key, fields, n=1)
     return f"; did you mean {close[0]}?" if close else f"; known here: {', '.join(fields)}"
+
+
+def _expected(hint: Any) -> str:
+    """What would be right, where the type can say it in words: a choice, or the description of a form."""
+    if typing.get_origin(hint) is typing.Literal:
+        return f"expected {_describe(hint)}"
+    described = (meta.description for meta in typing.get_args(hint)[1:] if isinstance(meta, msgspec.Meta))
+    return next((f"expected {text}" for text in described if text), "")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def _describe(hint: Any) -> str:

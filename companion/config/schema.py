@@ -1,28 +1,42 @@
-"""The configuration of one vehicle or robot: frozen, checked as a whole, every error reported at once.
+"""The keys of a configuration with their types, limits and defaults; what must fit each other is in `rules`.
 
 Angles are in degrees here and nowhere deeper. Relative paths are taken from `runtime_dir`.
 """
 
 from __future__ import annotations
 
-import math
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from wsr.channel import channel_frequency_hz
+
+CHECK = "check"
+"""Key of `Meta.extra`: a function that raises ValueError for a value the type permits and the field does not."""
+WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
-Mac = Annotated[str, Meta(pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$")]
-_PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
-_URL = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
-_MIN_VIO_HZ = 20.0
-_POSES_PER_DATAGRAM = 25
+Mac = Annotated[
+    str,
+    Meta(
+        pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$",
+        description="six pairs of hexadecimal digits with colons between them, for example 00:21:6A:3F:17:5A",
+    ),
+]
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
-Ipv4 = Annotated[str, Meta(pattern=r"^((25[0-5]|2[0-4]\d|1?\d?\d)\.){3}(25[0-5]|2[0-4]\d|1?\d?\d)$")]
+_OCTET = r"(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
+Ipv4 = Annotated[
+    str,
+    Meta(
+        pattern=rf"^({_OCTET}\.){{3}}{_OCTET}$",
+        description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
+    ),
+]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
 Metres3 = tuple[float, float, float]
 
 
@@ -31,8 +45,8 @@ class CsiConfig:
     """The radio card. `netlink` reads the Intel 5300's driver; `nl80211` that of an AX200 or AX210 (FeitCSI; hardware
     unverified); `unix` reads the same bytes of either from a datagram socket."""
 
-    channel: Annotated[int, Meta(ge=36, le=177)]
-    """WiFi channel in the 5 GHz band; sets the wavelength."""
+    channel: WifiChannel
+    """WiFi channel in the 5 GHz band (`wsr.channel.CHANNELS_5GHZ`); sets the wavelength."""
     source: Literal["netlink", "nl80211", "unix"] = "netlink"
     connector_idx: Annotated[int, Meta(ge=1, le=32)] = 26
     """Netlink connector index of the driver: 26 on Linux 4.15, 25 on older kernels. With `nl80211` only the number by
@@ -84,8 +98,9 @@ class PoseConfig:
     min_confidence: Annotated[int, Meta(ge=1, le=3)] = 2
     """An aperture with poses below this tracker confidence (T265: 1 low, 2 medium, 3 high) is dropped."""
     min_rate_hz: Positive = 20.0
-    lost_s: Positive = 8.0
-    """After so long without poses the vehicle lands. A T265 needs up to 7 s to come back by itself."""
+    lost_s: Positive | None = None
+    """After so long without poses the vehicle lands; when absent 8 with GPS, 3 without. A T265 needs up to 7 s to come
+    back by itself; without GPS PX4 flies on for no more than 4.6 s, and then lands blind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +173,15 @@ class ApertureConfig:
 class AutopilotConfig:
     url: str
     """MAVSDK connection, for example udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600."""
+    system_id: Annotated[int, Meta(ge=1, le=255)] | None = None
+    """MAVLink system id of our vehicle (MAV_SYS_ID); absent for the first PX4 that is heard, and no other after it."""
     gps: bool = True
     """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
     forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0
     """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more."""
+    origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
+    """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
+    place for its hold and return, and takes declination and strength of the magnetic field from it."""
     engage_rc_channel: Annotated[int, Meta(ge=1, le=18)] | None = None
     """RC channel of a switch that engages when it is moved up and aborts when it is moved down; absent for none."""
     engage_rc_above_us: Annotated[int, Meta(ge=1000, le=2000)] = 1700
@@ -258,6 +278,18 @@ class Config:
     autopilot: AutopilotConfig | None = None
 
     @property
+    def flies_by_poses(self) -> bool:
+        """Whether our poses are all that the autopilot's position is made of."""
+        return self.autopilot is not None and not self.autopilot.gps
+
+    @property
+    def pose_lost_s(self) -> float:
+        """After so long without poses the vehicle lands."""
+        if self.pose.lost_s is not None:
+            return self.pose.lost_s
+        return 3.0 if self.flies_by_poses else 8.0
+
+    @property
     def target(self) -> int:
         """Id of the peer to fly to."""
         return self.peers[0].id if self.mission.target is None else self.mission.target
@@ -265,67 +297,3 @@ class Config:
     def path(self, name: str) -> Path:
         """`name` under `runtime_dir` unless it is absolute."""
         return Path(self.runtime_dir) / name
-
-    def errors(self) -> list[str]:
-        """What the types cannot say, each with its key."""
-        found = []
-        if self.role == "uav" and self.autopilot is None:
-            found.append("autopilot: missing; role uav needs autopilot.url, for example udpin://127.0.0.1:14540")
-        if self.pose.source == "recording" and not self.pose.recording:
-            found.append("pose.recording: missing; source recording needs the path of a trajectory")
-        for key in ("px4", "autopilot"):
-            if self.autopilot is None and key in (self.pose.source, self.pose.north):
-                name = "source" if key == "px4" else "north"
-                found.append(f"pose.{name}: {key} needs an autopilot; expected another value")
-        if self.pose.source == "px4" and self.autopilot is not None and self.autopilot.forward_vio_hz:
-            found.append(
-                "autopilot.forward_vio_hz: the autopilot's own odometry must not be fed back to it; expected 0"
-            )
-        if not self.peers:
-            found.append("peers: empty; expected at least one robot to hear")
-        for key in ("id", "name", "mac"):
-            values = [str(getattr(peer, key)).upper() for peer in self.peers]
-            found += [
-                f"peers: {key} {v} stands twice; each peer has its own" for v in set(values) if values.count(v) > 1
-            ]
-        keys = [self.neighbours.key_file, *(key for p in self.peers for key in (p.key_file, p.next_key_file) if key)]
-        found += [
-            f"key_file: {key} stands twice; each robot that sends has its own, or one could pass for another"
-            for key in sorted(set(keys))
-            if keys.count(key) > 1
-        ]
-        least_hz = self.neighbours.pose_rate_hz / _POSES_PER_DATAGRAM
-        if self.neighbours.rate_hz < least_hz:
-            found.append(
-                f"neighbours.rate_hz: {self.neighbours.rate_hz:g}; expected at least {least_hz:g}, since a datagram "
-                f"carries {_POSES_PER_DATAGRAM} poses of the {self.neighbours.pose_rate_hz:g} a second"
-            )
-        if self.ping.enabled and self.csi.interface is None:
-            found.append("ping.enabled: needs csi.interface, the card's monitor interface")
-        if self.mission.target is not None and self.mission.target not in {peer.id for peer in self.peers}:
-            found.append(f"mission.target: {self.mission.target} is the id of no peer")
-        found += [f"peers: id {p.id} is this robot's own id" for p in self.peers if p.id == self.id]
-        axes = zip("xyz", self.gate.fence_min_m, self.gate.fence_max_m, strict=True)
-        found += [f"gate.fence_min_m: {axis} is not below fence_max_m" for axis, low, high in axes if not low < high]
-        turn_m = math.tau * math.hypot(self.mission.lateral_weave_m, self.mission.vertical_weave_m) / math.sqrt(2)
-        if self.mission.takeoff_height_m - self.mission.vertical_weave_m < self.gate.min_height_m:
-            found.append("mission.takeoff_height_m: the vertical weave would reach below gate.min_height_m")
-        if turn_m >= self.aperture.length_m:
-            found.append(f"mission.lateral_weave_m: one turn takes {turn_m:.2f} m of path, more than aperture.length_m")
-        if self.mission.takeoff_height_m + self.mission.vertical_weave_m > self.gate.fence_max_m[2]:
-            found.append("mission.takeoff_height_m: the vertical weave would reach above gate.fence_max_m")
-        if self.autopilot is not None and not _URL.match(self.autopilot.url):
-            found.append(
-                f"autopilot.url: {self.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
-                "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"
-            )
-        if self.recorder.rotate_mb >= self.recorder.budget_mb:
-            found.append("recorder.rotate_mb: one file alone would exceed recorder.budget_mb")
-        if self.autopilot is not None and not self.autopilot.gps and self.autopilot.forward_vio_hz < _MIN_VIO_HZ:
-            found.append(
-                f"autopilot.forward_vio_hz: {self.autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "
-                "autopilot.gps: false, or the estimator has no position"
-            )
-        if self.mission.speed_m_s > self.gate.max_speed_m_s:
-            found.append("mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point")
-        return found

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Protocol
 
 NS_PER_S = 1_000_000_000
+
+
+def age_s(t_ns: int | None, now_ns: int) -> float:
+    """From then until now; infinite for what never was."""
+    return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S
 
 
 class Clock(Protocol):
@@ -26,6 +32,32 @@ class MonotonicClock:
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
         await asyncio.sleep(max(0, deadline_ns - time.monotonic_ns()) / NS_PER_S)
+
+
+class HostSleep:
+    """How long the host was suspended: CLOCK_MONOTONIC stands still then, so nothing that is judged by it grows old;
+    CLOCK_BOOTTIME goes on. To be asked again and again."""
+
+    def __init__(
+        self,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+        boot_ns: Callable[[], int] = lambda: time.clock_gettime_ns(time.CLOCK_BOOTTIME),
+    ) -> None:
+        self._monotonic_ns = monotonic_ns
+        self._boot_ns = boot_ns
+        self._apart_ns = self._read()[1]
+
+    def seconds(self) -> float:
+        """Since the last call. A thread that is held up between two clocks must not look like it: at least so long."""
+        least_ns, most_ns = self._read()
+        slept_ns, self._apart_ns = least_ns - self._apart_ns, most_ns
+        return max(0, slept_ns) / NS_PER_S
+
+    def _read(self) -> tuple[int, int]:
+        """Between which the clocks are apart [ns]."""
+        before_ns = self._monotonic_ns()
+        boot_ns = self._boot_ns()
+        return boot_ns - self._monotonic_ns(), boot_ns - before_ns
 
 
 class ManualClock:

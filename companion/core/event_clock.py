@@ -44,11 +44,6 @@ class EventClock:
         finally:
             self._held_ns = None
 
-    @classmethod
-    def over(cls, clock: Clock) -> EventClock:
-        """`clock` itself where it is one already."""
-        return clock if isinstance(clock, EventClock) else cls(clock)
-
     def now_ns(self) -> int:
         return self._base.now_ns() if self._held_ns is None else self._held_ns
 

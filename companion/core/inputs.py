@@ -12,6 +12,8 @@ class Tick:
     """The control loop ran."""
 
     t_mono_ns: int
+    slept_s: float = 0.0
+    """So long the host was suspended since the tick before, which the monotonic clock does not show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,8 @@ class Wish:
     refusal: str
     by_switch: bool = False
     """By the switch on the transmitter, not by a command."""
+    vehicle: str = ""
+    """Which one it was about: its system id, what it says it is, its firmware."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +109,7 @@ class Event(StrEnum):
     ENGAGE = "engage"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
     """One look, recorded with the event that looked."""
 
@@ -119,3 +123,5 @@ class Surroundings:
     recorder_failed: bool
     free_mib: float
     """On the log's disk."""
+    network_problem: str = ""
+    """Why robots cannot be heard or reached."""

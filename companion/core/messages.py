@@ -61,7 +61,7 @@ class FlightMode(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
     """The newest telemetry as one snapshot. Fields that were never received are None."""
 
@@ -82,16 +82,42 @@ class VehicleState:
     yaw_enu_rad: float | None = None
     """Heading of the nose, counter-clockwise from East."""
     battery_remaining: float | None = None
-    """0..1."""
+    """0..1: the lowest of all batteries that have told it lately; None when none has."""
     estimator_mono_ns: int | None = None
     """When the estimator last told of itself."""
     estimator_healthy: bool = False
-    """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS)."""
+    """Attitude, velocity and position are estimated from real measurements (ESTIMATOR_STATUS), which come now."""
+    position_is_global: bool | None = None
+    """Whether the estimator knows where on Earth it is, which hold and return need; None when it has not told."""
     timesync_mono_ns: int | None = None
-    """When the autopilot last took part in TIMESYNC."""
+    """When the autopilot last asked for our time (TIMESYNC)."""
     rc_mono_ns: int | None = None
     rc_us: tuple[int, ...] = ()
     """Pulse widths of the RC channels, first to last; empty without RC."""
+    battery_mono_ns: int | None = None
+    """When the battery that `battery_remaining` is of told it; without one, when any last told something."""
+    batteries_unknown: tuple[int, ...] = ()
+    """Ids of batteries that were heard and now are silent, or do not know how full they are."""
+    intended_mode: FlightMode | None = None
+    """What was asked for. In a failsafe it stays while another mode flies, and comes back with its cause's end."""
+    system_id: int | None = None
+    """The one vehicle this service speaks to."""
+    autopilot: str = ""
+    """What its heartbeat says it is, for example "px4"."""
+    firmware: str = ""
+    """Its version, for example "1.16.1"; empty until it has told."""
+    boots: int = 0
+    """How often it has been seen to restart. What it said before a restart is forgotten."""
+    boot_ms: int | None = None
+    """Its own time since its start, as it last told it."""
+    clock_offset_ns: int | None = None
+    """Its clock minus ours (CLOCK_MONOTONIC), to within the delay of the link."""
+    stood_still_ns: int = 0
+    """By how much its clock has leapt ahead of ours so far: our clock stood still then, and this program too."""
+    resets: int = 0
+    """How often it has announced that its estimate was set anew."""
+    p_reset_enu_m: Vector3 = (0.0, 0.0, 0.0)
+    """The sum of the steps of `p_local_enu_m` that it announced: a place noted before moves along by the difference."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
-"""The one place that may command the vehicle: the 20 Hz loop, its commands, and who may engage.
-
-Bearings, poses, neighbours and the autopilot's telemetry come in; set points leave by the gate alone, mode commands by
-`commands` alone. What the loop knows, answers and is asked (`knowledge`, `status`, `wishes`) commands nothing.
+"""The one place that may command the vehicle. Poses, neighbours, iterations and the autopilot's telemetry come in; set
+points leave by `loop` through the gate, mode commands by `commands`, poses for the autopilot's estimator by
+`vio_forward`, and nothing else leaves but records. Where the mission stands (`course`), what is known of the target
+(`knowledge`), what a person asks (`wishes`, after `engagement` has looked) and is told (`status`) command nothing.
 """

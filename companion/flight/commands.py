@@ -16,12 +16,12 @@ _log = logging.getLogger(__name__)
 _WARM_UP_S = 1.0  # PX4 wants a running stream before it lets anybody into OFFBOARD
 _LEAVE_S = 0.5
 _POSITION_S = 0.5
+_DISARMS_S = 15.0
+_LOOK_S = 0.1
 _OURS = frozenset({FlightMode.OFFBOARD, FlightMode.TAKEOFF, FlightMode.HOLD})
 """Modes in which the vehicle is while this flies it: the others are somebody's decision."""
 
 Command = Coroutine[Any, Any, None]
-
-
 Report = Callable[[Event | None, str], None]
 
 
@@ -72,6 +72,17 @@ class FlightCommands:
 
     async def return_home(self) -> None:
         await self._or_land(self._autopilot.return_home())
+
+    async def leave_on_the_ground(self) -> None:
+        """After our landing: PX4 goes back to OFFBOARD when it disarms, if hold could not be had on the way down. There
+        it neither arms nor says why, so it is taken out; whoever chose another mode keeps it."""
+        deadline_ns = self._clock.now_ns() + round(_DISARMS_S * NS_PER_S)
+        while self._autopilot.state().armed and self._clock.now_ns() < deadline_ns:
+            await self._clock.sleep_until_ns(self._clock.now_ns() + round(_LOOK_S * NS_PER_S))
+        await self._clock.sleep_until_ns(self._clock.now_ns() + round(_LEAVE_S * NS_PER_S))
+        state = self._autopilot.state()
+        if FlightMode.OFFBOARD in (state.mode, state.intended_mode) and not state.armed:
+            await self._autopilot.hold()
 
     async def leave_at_end(self) -> None:
         """The service ends in flight: the autopilot's hold, or a landing where it has no position, within half a

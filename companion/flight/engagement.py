@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, Clock
+from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
-from companion.core.inputs import Surroundings
-from companion.core.messages import FlightMode
+from companion.core.inputs import Event, Surroundings
+from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import SURROUNDINGS
-from companion.neighbours.neighbour import Neighbour
+from companion.flight.course import Course
+from companion.flight.knowledge import Knowledge
+from companion.flight.status import vehicle_name
 from companion.pose.intake import PoseIntake
+from companion.safety.gate import GateLimits
 from companion.safety.preflight import (
+    Heights,
     Readiness,
     ReadinessLimits,
     parameter_problems,
@@ -38,38 +42,54 @@ class Engagement:
     def __init__(
         self,
         config: Config,
-        clock: Clock,
+        clock: EventClock,
         intake: PoseIntake,
-        neighbours: Mapping[int, Neighbour],
+        knowledge: Knowledge,
         autopilot: Autopilot,
         sar: SarIterations,
         recorder: Recorder,
         look: Callable[[], Surroundings] | None = None,
+        network_problem: Callable[[], str] = str,
     ) -> None:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
-        self._clock = EventClock.over(clock)
+        self._forwards = config.autopilot.forward_vio_hz > 0
+        self._fence = GateLimits(**asdict(config.gate))
+        self._heights = Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2])
+        self._clock = clock
+        self._network_problem = network_problem
         self._look = look or self._look_around
         self._seen: tuple[int, Surroundings] | None = None
         self._intake = intake
-        self._target = neighbours[config.target]
+        self._knowledge = knowledge
+        self._target = knowledge.neighbour
         self._autopilot = autopilot
         self._sar = sar
         self._recorder = recorder
         self._checked_ns: int | None = None
         self._limits = ReadinessLimits(
-            config.aperture.silent_s, config.mission.min_battery, config.recorder.min_free_mib
+            silent_s=config.aperture.silent_s,
+            min_battery=config.mission.min_battery,
+            min_free_mib=config.recorder.min_free_mib,
         )
 
     @property
-    def parameters_checked(self) -> bool:
-        """Whether the autopilot's parameters were found as required a moment ago."""
-        return self._surroundings().parameters_checked
+    def vehicle(self) -> str:
+        """Which one would be engaged."""
+        return vehicle_name(self._autopilot.state())
 
-    def not_ready(self, packet_age_s: float, datagram_age_s: float) -> list[str]:
-        """What is missing now, but for the parameters. The ages are those of the target's newest sign of life."""
-        return readiness_problems(self._readiness(packet_age_s, datagram_age_s), self._limits)
+    def not_ready(self) -> list[str]:
+        """What is missing now, in words, but for the autopilot's parameters, which must be asked for."""
+        return readiness_problems(self._readiness(), self._limits)
+
+    def check_again(self, course: Course) -> None:
+        """The tick's own look at what `engage` has looked at, a moment later and with the parameters it has read."""
+        missing = self.not_ready()
+        if not self._surroundings().parameters_checked:
+            missing.append("the autopilot's parameters were not checked")
+        course.explain("; ".join(missing))
+        course.report(Event.PREFLIGHT_FAILED if missing else Event.PREFLIGHT_PASSED)
 
     async def parameter_problems(self) -> list[str]:
         """Reads what is required of the autopilot, all at once; one line for each that is wrong."""
@@ -78,7 +98,7 @@ class Engagement:
             return ["the autopilot's parameters were not read"]
         names = [requirement.name for requirement in required_parameters(self._gps)]
         values = dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
-        problems = list(parameter_problems(values, self._gps))
+        problems = list(parameter_problems(values, self._gps, self._heights))
         self._checked_ns = None if problems else self._clock.now_ns()
         return problems
 
@@ -88,7 +108,7 @@ class Engagement:
         except AutopilotError as error:
             return str(error)
 
-    def _readiness(self, packet_age_s: float, datagram_age_s: float) -> Readiness:
+    def _readiness(self) -> Readiness:
         vehicle, around = self._autopilot.state(), self._surroundings()
         return Readiness(
             observes=self._config.mission.control == "observe",
@@ -97,20 +117,34 @@ class Engagement:
             has_position=vehicle.p_local_enu_m is not None and self._age_s(vehicle.position_mono_ns) < _POSITION_S,
             estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
             estimator_healthy=vehicle.estimator_healthy,
+            position_is_global=vehicle.position_is_global,
+            outside_fence=self._outside(vehicle),
             failsafe=vehicle.failsafe,
-            flown_in=str(vehicle.mode) if vehicle.in_air and vehicle.mode is not FlightMode.HOLD else "",
+            mode=vehicle.mode,
+            intended_mode=vehicle.intended_mode,
+            in_air=vehicle.in_air,
+            not_px4="" if vehicle.autopilot in ("", "px4") else vehicle.autopilot,
             timesync_age_s=self._age_s(vehicle.timesync_mono_ns),
+            time_known=vehicle.clock_offset_ns is not None or not self._forwards,
             battery=vehicle.battery_remaining,
+            batteries_unknown=vehicle.batteries_unknown,
             pose_problem=self._intake.problem(),
             north_problem=self._intake.north_problem(),
-            datagram_age_s=datagram_age_s,
-            packet_age_s=packet_age_s,
+            datagram_age_s=self._knowledge.datagram_age_s(),
+            packet_age_s=self._knowledge.packet_age_s(),
             bad_signatures=around.bad_signatures,
             clock_problem=self._target.not_locked(self._clock.now_ns()),
             aoa_ready=self._sar.is_ready,
             recorder_failed=around.recorder_failed,
             free_mib=around.free_mib,
+            network_problem=around.network_problem,
         )
+
+    def _outside(self, vehicle: VehicleState) -> str:
+        p_m = vehicle.p_local_enu_m
+        if p_m is None or (self._fence.is_in_box(p_m) and self._fence.is_in_cylinder(p_m)):
+            return ""
+        return "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*p_m)
 
     def _surroundings(self) -> Surroundings:
         """The same for all of one event, and recorded with it."""
@@ -123,16 +157,17 @@ class Engagement:
 
     def _look_around(self) -> Surroundings:
         return Surroundings(
-            self._clock.now_ns(),
-            self._autopilot.problem,
-            self._age_s(self._checked_ns) < _CHECKED_FOR_S,
-            self._target.refused.bad_key,
-            self._recorder.failed,
-            _free_mib(self._config.path(self._config.recorder.path).parent),
+            t_mono_ns=self._clock.now_ns(),
+            autopilot_problem=self._autopilot.problem,
+            parameters_checked=self._age_s(self._checked_ns) < _CHECKED_FOR_S,
+            bad_signatures=self._target.refused.bad_key,
+            recorder_failed=self._recorder.failed,
+            free_mib=_free_mib(self._config.path(self._config.recorder.path).parent),
+            network_problem=self._network_problem(),
         )
 
     def _age_s(self, t_ns: int | None) -> float:
-        return math.inf if t_ns is None else (self._clock.now_ns() - t_ns) / NS_PER_S
+        return age_s(t_ns, self._clock.now_ns())
 
 
 def _free_mib(directory: Path) -> float:

@@ -30,7 +30,7 @@ class Observer:
             if now_ns - self._ended_ns >= self._config.settle_s * NS_PER_S:
                 self._sar.finish(self._ended_ns)
                 self._ended_ns = None
-        elif self._sar.start_ns is None:
+        elif not self._sar.is_measuring:
             if not self._sar.is_waiting:
                 self._sar.begin()
                 self._began_ns = now_ns
@@ -41,8 +41,10 @@ class Observer:
                 self._ended_ns = now_ns
 
 
-def would_be_setpoint(now_ns: int, p_local_enu_m: Vector3, azimuth_rad: float, mission: MissionConfig) -> Setpoint:
+def would_be_setpoint(
+    now_ns: int, p_local_enu_m: Vector3, azimuth_rad: float, mission: MissionConfig, height_m: float
+) -> Setpoint:
     """The set point that a leg to the target would begin with: for the log, and judged by the gate like any other."""
     vx, vy = mission.speed_m_s * math.cos(azimuth_rad), mission.speed_m_s * math.sin(azimuth_rad)
     x, y, _ = p_local_enu_m
-    return Setpoint(now_ns, (x + _LEAD_S * vx, y + _LEAD_S * vy, mission.takeoff_height_m), (vx, vy, 0.0), azimuth_rad)
+    return Setpoint(now_ns, (x + _LEAD_S * vx, y + _LEAD_S * vy, height_m), (vx, vy, 0.0), azimuth_rad)

@@ -46,8 +46,5 @@ class ObservedSetpoint:
 
 def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
     """What a bearing made of the target; its place where the bearings cross."""
-    place = None
-    if target.origin_local_enu_m is not None:
-        x, y, z = (o + q for o, q in zip(target.origin_local_enu_m, bearing.target_p_enu_m, strict=True))
-        place = (x, y, z)
+    place = target.place(bearing.target_p_enu_m)
     return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)

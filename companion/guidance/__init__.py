@@ -1,4 +1,3 @@
-"""Where to fly: bearings in, the target's place and the legs towards it out.
-
-Pure of I/O; asks `safety` for the fence and `sensing` for the path flown, and commands nothing.
+"""Where to fly: bearings in; the target's place, legs towards it and the set points along them out. Pure of I/O; takes
+the fence from `safety`, begins and ends the iterations of `sensing` with its legs, and commands nothing.
 """

@@ -20,6 +20,9 @@ _PULL_PER_S: Final = 0.8
 """How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
 
 
+_NOWHERE: Final[Vector3] = (0.0, 0.0, 0.0)
+
+
 class _Phase(Enum):
     REST = auto()
     LEG = auto()
@@ -45,29 +48,41 @@ class Approach:
         self._turns = mission.yaw == "target"
         self._yaw_rad = 0.0
         self._tick_ns: int | None = None
-        self._at_m: Vector3 = (0.0, 0.0, 0.0)
+        self._at_m: Vector3 = _NOWHERE
+        self._moved_m: Vector3 = _NOWHERE
+        """By how much the local frame was set anew since the leg was planned."""
+        self._ground_m = 0.0
 
-    def start(self, p_local_enu_m: Vector3, yaw_enu_rad: float) -> None:
+    def start(self, p_local_enu_m: Vector3, yaw_enu_rad: float, ground_m: float = 0.0) -> None:
         """Begin from where the vehicle is, with the heading it has. It is kept, since the antenna hears all around,
-        unless the nose is to turn to the target."""
-        self._at_m, self._yaw_rad = p_local_enu_m, yaw_enu_rad
+        unless the nose is to turn to the target. Heights are counted from `ground_m` (Up), where it stood."""
+        self._at_m, self._yaw_rad, self._ground_m = p_local_enu_m, yaw_enu_rad, ground_m
+        self._moved_m = _NOWHERE
         self._phase = _Phase.REST
         self._tick_ns = None
+
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """The local frame was set anew: all places of it are `delta_enu_m` elsewhere, and nothing has moved."""
+        self._at_m = _sum(self._at_m, delta_enu_m)
+        self._moved_m = _sum(self._moved_m, delta_enu_m)
+        self._ground_m += delta_enu_m[2]
 
     def setpoint(self, now_ns: int, azimuth_rad: float, moving: bool) -> Setpoint:
         """The set point of this tick. A new leg goes along `azimuth_rad`; without `moving` the vehicle stands."""
         if not moving:
             self._enter(_Phase.REST, now_ns)
-            self._sar.start_ns = None
+            self._sar.abandon()
         elif self._phase is _Phase.REST:
-            self._leg = plan_leg(self._at_m, azimuth_rad, self._height_m, self._side, self._shape)
+            self._leg = plan_leg(self._at_m, azimuth_rad, self._ground_m + self._height_m, self._side, self._shape)
+            self._moved_m = _NOWHERE
             self._side = -self._side
             self._sar.begin()
             self._enter(_Phase.LEG, now_ns)
         velocity: Vector3 = (0.0, 0.0, 0.0)
         elapsed_ns = now_ns - self._phase_ns
         if self._phase is _Phase.LEG:
-            self._at_m, velocity = self._leg.at(elapsed_ns / NS_PER_S)
+            at_m, velocity = self._leg.at(elapsed_ns / NS_PER_S)
+            self._at_m = _sum(at_m, self._moved_m)
             if elapsed_ns >= self._leg.duration_s * NS_PER_S:
                 self._enter(_Phase.SETTLE, now_ns)
         elif self._phase is _Phase.SETTLE and elapsed_ns >= self._settle_ns:
@@ -89,6 +104,10 @@ class Approach:
 
     def _enter(self, phase: _Phase, now_ns: int) -> None:
         self._phase, self._phase_ns = phase, now_ns
+
+
+def _sum(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:

@@ -30,6 +30,12 @@ class Targets:
         self._trackers.clear()
         self._found.clear()
 
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
+        for peer, tracker in self._trackers.items():
+            tracker.shift(delta_enu_m)
+            self._found[peer] = tracker.target()
+
     def add(self, peer: int, bearing: Bearing) -> Target:
         """Takes a bearing; what is known of that robot now."""
         found = self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)
@@ -64,7 +70,6 @@ class Targets:
     def _place(self, peer: int) -> Vector3 | None:
         found = self._found[peer]
         newest = self._neighbours[peer].newest_pose()
-        if found.origin_local_enu_m is None or newest is None or newest[0] != found.boot:
+        if newest is None or newest[0] != found.boot:
             return None
-        x, y, z = (o + q for o, q in zip(found.origin_local_enu_m, newest[1], strict=True))
-        return x, y, z
+        return found.place(newest[1])

@@ -8,6 +8,7 @@ and of nothing, by its reliability, so that one that disagrees with the others i
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -51,12 +52,13 @@ class Target:
     agreement: float = 0.0
     """Share of the bearings kept that point there, in 0..1: where it is low, no place explains what was measured."""
 
-    def range_from(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3) -> float:
-        """Range [m] from a place to the target where its own poses say it is now; infinite where unknown."""
+    def place(self, target_p_enu_m: Vector3) -> Vector3 | None:
+        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`; None before there
+        are two bearings."""
         if self.origin_local_enu_m is None:
-            return math.inf
-        now_m = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
-        return math.dist(p_local_enu_m, tuple(now_m))
+            return None
+        x, y, z = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
+        return x, y, z
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,12 @@ class TargetTracker:
             self._bearings.clear()
         self._bearings.append(bearing)
         return self.target()
+
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """All places where bearings were taken are `delta_enu_m` elsewhere."""
+        for index, bearing in enumerate(self._bearings):
+            x, y, z = (p + d for p, d in zip(bearing.p_local_enu_m, delta_enu_m, strict=True))
+            self._bearings[index] = dataclasses.replace(bearing, p_local_enu_m=(x, y, z))
 
     def target(self) -> Target:
         """What all bearings together say. Raises IndexError without bearings. Takes some milliseconds."""

@@ -25,20 +25,33 @@ class ControlServer:
     def __init__(self, path: Path, handler: Handler) -> None:
         self._path = path
         self._handler = handler
+        self._server: asyncio.Server | None = None
 
-    async def run(self) -> None:
-        """Serves until cancelled. Raises CompanionError when another service holds the socket, or it cannot be made."""
+    async def open(self) -> None:
+        """Listens from now on. Raises CompanionError when another service holds the socket, or it cannot be made."""
         await self._refuse_second_service()
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
+            self._server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
             self._path.chmod(0o600)
         except OSError as error:
+            self.close()
             raise CompanionError(f"{self._path}: cannot bind the control socket: {error.strerror or error}") from None
+
+    async def run(self) -> None:
+        """Serves until cancelled; opens what is not open yet, and raises as that does."""
+        if self._server is None:
+            await self.open()
         try:
-            async with server:
-                await server.serve_forever()
+            await asyncio.get_running_loop().create_future()
         finally:
+            self.close()
+
+    def close(self) -> None:
+        """Harmless when repeated. Waits for nobody: since Python 3.12 a server waits for its clients to leave."""
+        server, self._server = self._server, None
+        if server is not None:
+            server.close()
             self._path.unlink(missing_ok=True)
 
     async def _refuse_second_service(self) -> None:
@@ -70,7 +83,7 @@ class ControlServer:
             return {"ok": False, "error": f"user {uid} may not command this service"}
         try:
             command = json.loads(line)["command"]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             return {"ok": False, "error": 'expected one line like {"command": "status"}'}
         return await self._handler(str(command))
 
@@ -88,9 +101,10 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
         raise CompanionError(f"{path}: no service is running there") from None
     except PermissionError:
         raise CompanionError(f"{path}: permission denied; run as the service's user or root") from None
-    except (TimeoutError, ConnectionError, ValueError):
+    except (TimeoutError, ConnectionError, ValueError, RecursionError):
         raise CompanionError(f"{path}: the service does not answer") from None
     except OSError as error:
         raise CompanionError(f"{path}: cannot reach a control socket there: {error.strerror or error}") from None
-    assert isinstance(answer, dict)
+    if not isinstance(answer, dict):
+        raise CompanionError(f"{path}: what answers there is no service of this program")
     return answer

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
+from collections.abc import Callable
+
+_WATCHDOG_S = 1.0
 
 
 def notify(state: str) -> None:
@@ -18,3 +22,11 @@ def notify(state: str) -> None:
             sock.sendto(state.encode(), address)
         except OSError:
             return  # a manager that does not listen must not stop the flight
+
+
+async def feed_watchdog(is_alive: Callable[[], bool]) -> None:
+    """Feeds systemd's watchdog while the role's own loop runs, not merely while this one does."""
+    while True:
+        await asyncio.sleep(_WATCHDOG_S)
+        if is_alive():
+            notify("WATCHDOG=1")

@@ -6,6 +6,7 @@ Of a merged log each robot's streams have files of their own, with its name befo
 from __future__ import annotations
 
 import csv
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -31,7 +32,18 @@ def export(session: Session, formats: Sequence[str], folder: Path, progress: Pro
 
     Raises OSError, and CompanionError for an unreadable log.
     """
+    made = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".", dir=folder) as staging:
+            written = _written(session, formats, Path(staging), progress)
+            return [path.replace(folder / path.name) for path in written]
+    finally:
+        if made and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _written(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None) -> list[Path]:
     exporters = [_EXPORTERS[name](folder) for name in formats]
     if exporters:
         for message in session.messages(progress=progress):
@@ -100,7 +112,7 @@ class _Csv:
         for name, rows in self._rows.items():
             path = self._folder / f"{name}.csv"
             columns = list(dict.fromkeys(key for row in rows for key in row))
-            with path.open("w", newline="") as file:
+            with path.open("w", newline="", encoding="utf-8") as file:
                 table = csv.DictWriter(file, columns)
                 table.writeheader()
                 table.writerows(rows)

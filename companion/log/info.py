@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
 from companion.core.streams import HEALTH
 from companion.log.reader import LogScan, Progress
 from companion.log.writer import METADATA
+
+_HEALTH: Final = "Health"
+"""Our own schema of that topic; any other robot may have one of that name."""
 
 
 @dataclass(slots=True)
@@ -31,7 +35,7 @@ class TopicInfo:
         return (self.messages - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogInfo:
     """One file. `dropped` messages as the recorder last said in health."""
 
@@ -54,27 +58,44 @@ class LogInfo:
 def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
     """Raises CompanionError for what is no log."""
     scan = LogScan(path, progress=progress)
-    topics: dict[str, TopicInfo] = {}
+    topics: dict[tuple[str, str, str], TopicInfo] = {}
     dropped = 0
     for message in scan:
-        info = topics.get(message.topic)
+        key = (message.topic, message.encoding, message.schema[0])
+        info = topics.get(key)
         if info is None:
-            info = topics[message.topic] = TopicInfo(message.topic, message.encoding, message.schema[0])
+            info = topics[key] = TopicInfo(message.topic, message.encoding, message.schema[0])
             info.first_ns = message.log_time_ns
         info.messages += 1
         info.payload_bytes += len(message.data)
         info.first_ns = min(info.first_ns, message.log_time_ns)
         info.last_ns = max(info.last_ns, message.log_time_ns)
-        if message.topic == HEALTH.topic:
-            dropped = int(msgspec.json.decode(message.data).get("recorder", {}).get("dropped", 0))
+        if message.topic == HEALTH.topic and message.encoding == HEALTH.encoding and message.schema[0] == _HEALTH:
+            dropped = dropped_of(message.data, dropped)
     return LogInfo(
-        path,
-        scan.size_bytes,
-        scan.is_whole,
-        scan.damaged,
-        scan.metadata.get(METADATA, {}),
-        tuple(topics[topic] for topic in sorted(topics)),
-        min((info.first_ns for info in topics.values()), default=0),
-        max((info.last_ns for info in topics.values()), default=0),
-        dropped,
+        path=path,
+        size_bytes=scan.size_bytes,
+        is_whole=scan.is_whole,
+        damaged=scan.damaged,
+        metadata=scan.metadata.get(METADATA, {}),
+        topics=tuple(topics[topic] for topic in sorted(topics)),
+        start_ns=min((info.first_ns for info in topics.values()), default=0),
+        end_ns=max((info.last_ns for info in topics.values()), default=0),
+        dropped=dropped,
     )
+
+
+def dropped_of(health: bytes, otherwise: int) -> int:
+    """Messages the recorder had dropped, as a message of our health says."""
+    try:
+        return msgspec.json.decode(health, type=_Health).recorder.dropped
+    except (msgspec.MsgspecError, RecursionError):
+        return otherwise
+
+
+class _Recorder(msgspec.Struct):
+    dropped: int = 0
+
+
+class _Health(msgspec.Struct):
+    recorder: _Recorder = msgspec.field(default_factory=_Recorder)

@@ -1,4 +1,4 @@
-"""The program's own log, into the flight's."""
+"""The program's own log lines, recorded into the flight's log."""
 
 from __future__ import annotations
 
@@ -20,9 +20,14 @@ class LogLine:
     text: str
 
 
-class _RecordingHandler(logging.Handler):
-    """The program's own log into the flight's."""
+def record_lines(recorder: Recorder) -> logging.Handler:
+    """Every line of `logging` from now on; the handler, for whoever ends it."""
+    handler = _RecordingHandler(recorder)
+    logging.getLogger().addHandler(handler)
+    return handler
 
+
+class _RecordingHandler(logging.Handler):
     def __init__(self, recorder: Recorder) -> None:
         super().__init__(logging.INFO)
         self._recorder = recorder
@@ -30,9 +35,3 @@ class _RecordingHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         line = LogLine(record.levelno, record.name, record.getMessage())
         self._recorder.record(LOG, time.monotonic_ns(), line)
-
-
-def record_lines(recorder: Recorder) -> logging.Handler:
-    handler = _RecordingHandler(recorder)
-    logging.getLogger().addHandler(handler)
-    return handler

@@ -15,16 +15,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from companion.core.streams import CSI, VEHICLE
+from companion.core.streams import VEHICLE
 from companion.errors import CompanionError
+from companion.log.exchanges import between, check_identity, exchanges_of
 from companion.log.reader import LoggedMessage, Progress, Session, open_session
-from companion.log.repair import copy
+from companion.log.repair import copy, new_log
 from companion.log.ulog import PREFIX, Ulog, clock_offset_s
-from companion.log.writer import LogWriter
-from csi_bridge.parser import parse_body
-from csi_bridge.records import CsiError, CsiRecord
 
 _LEAST_EXCHANGES = 20
+_WIDEST_SPREAD_S = 0.05
+"""Both ends of an exchange take it from their sockets within milliseconds, on a loaded host within tens."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +63,12 @@ def merge(
         damaged = "; damaged, what could be read is there" if opened.is_damaged else ""
         joined.append(Joined(ulog, PREFIX, offset_s, f"positions agree to {rms_m:.2f} m{damaged}"))
         sources.append(_px4(opened, round(offset_s * 1e9)))
-    try:
-        with target.open("xb") as file:
-            writer = LogWriter(file, base.metadata)
-            for number, one in enumerate(joined):
-                values = {"file": one.path.name, "prefix": one.prefix, "offset_s": repr(one.offset_s), "how": one.how}
-                writer.add_metadata(f"joined {number}", values)
-            for _, prefix, offset_ns, message in heapq.merge(*sources, key=lambda timed: timed[0]):
-                copy(writer, message, prefix, offset_ns)
-            writer.finish()
-    except FileExistsError:
-        raise CompanionError(f"{target}: is there already; choose another name with --out") from None
-    except OSError as error:
-        raise CompanionError(f"{target}: cannot be written: {error.strerror}") from None
+    with new_log(target, base.metadata) as writer:
+        for number, one in enumerate(joined):
+            values = {"file": one.path.name, "prefix": one.prefix, "offset_s": repr(one.offset_s), "how": one.how}
+            writer.add_metadata(f"joined {number}", values)
+        for _, prefix, offset_ns, message in heapq.merge(*sources, key=lambda timed: timed[0]):
+            copy(writer, message, prefix, offset_ns)
     return joined
 
 
@@ -90,32 +83,52 @@ def _join(base: Session, path: Path) -> Joined:
         offset_ns = base.wall_minus_mono_ns - session.wall_minus_mono_ns
         return Joined(path, "", offset_ns / 1e9, "same monotonic clock")
     prefix = f"/{session.metadata.get('name') or path.stem}"
-    ours, theirs = _exchange_times(base), _exchange_times(session)
+    ours, theirs = exchanges_of(base), exchanges_of(session)
+    check_identity(base, session, path, theirs)
+    ours, theirs = between(base, session, ours, theirs)
     best: tuple[int, float, float] | None = None
     for our_times in ours.values():
         for their_times in theirs.values():
             common = sorted(our_times.keys() & their_times.keys())
-            lags = np.array([our_times[frame] - their_times[frame] for frame in common], float) / 1e9
+            lags = np.array([our_times[frame][0] - their_times[frame][0] for frame in common], float) / 1e9
             if len(lags) >= _LEAST_EXCHANGES and (best is None or len(lags) > best[0]):
-                middle = float(np.median(lags))
-                best = len(lags), middle, float(np.median(np.abs(lags - middle)))
+                best = len(lags), float(np.median(lags)), _spread_s(lags)
     if best is None:
+        _check_same_time(base, session, path)
         return Joined(path, prefix, 0.0, f"by wall clock: fewer than {_LEAST_EXCHANGES} exchanges in common")
     count, offset_s, spread_s = best
+    if spread_s > _WIDEST_SPREAD_S:
+        raise CompanionError(
+            f"{path}: not of this flight: {count} exchanges have numbers in common, but not their times (spread "
+            f"{1e3 * spread_s:.0f} ms, expected below {1e3 * _WIDEST_SPREAD_S:.0f})"
+        )
     return Joined(path, prefix, offset_s, f"{count} exchanges in common, spread {1e3 * spread_s:.2f} ms")
 
 
-def _exchange_times(session: Session) -> dict[bytes, dict[int, int]]:
-    """Arrival [ns wall time] by frame counter, for each sender heard."""
-    times: dict[bytes, dict[int, int]] = {}
-    for message in session.messages({CSI.topic}):
-        try:
-            record = parse_body(message.data[0], message.data[1:])
-        except CsiError:
-            continue
-        if isinstance(record, CsiRecord) and record.mac is not None and record.frame_count is not None:
-            times.setdefault(record.mac, {})[record.frame_count] = message.log_time_ns
-    return times
+def _spread_s(lags_s: np.ndarray) -> float:
+    """Median deviation of one clock less the other, (N,) in the order of exchanges, from its course: crystals drift,
+    by less within each of a few stretches than one exchange is late."""
+    stretches = np.array_split(lags_s, min(20, max(1, len(lags_s) // _LEAST_EXCHANGES)))
+    return float(np.median(np.concatenate([np.abs(part - np.median(part)) for part in stretches])))
+
+
+def _check_same_time(base: Session, session: Session, path: Path) -> None:
+    """Raises CompanionError where the wall clocks, which would decide, were not of one time."""
+    ours, theirs = _span_ns(base), _span_ns(session)
+    if ours is not None and theirs is not None and (ours[0] > theirs[1] or theirs[0] > ours[1]):
+        raise CompanionError(
+            f"{path}: cannot be put on the time of {base.paths[0]}: fewer than {_LEAST_EXCHANGES} exchanges in common, "
+            "and its wall clock was at another time altogether"
+        )
+
+
+def _span_ns(session: Session) -> tuple[int, int] | None:
+    """First and last log time; None where there is none."""
+    first = last = None
+    for message in session.messages():
+        first = message.log_time_ns if first is None else min(first, message.log_time_ns)
+        last = message.log_time_ns if last is None else max(last, message.log_time_ns)
+    return None if first is None or last is None else (first, last)
 
 
 def _vehicle_track(session: Session) -> tuple[np.ndarray, np.ndarray]:

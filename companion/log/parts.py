@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from companion.core.streams import Stream
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.log.writer import Compression, LogWriter
 
 
@@ -86,9 +86,13 @@ class LogPart:
 
 
 def open_part(first: Path, metadata: Mapping[str, str], compression: Compression, chunk_bytes: int) -> LogPart:
-    """The next free file of a recording. Raises CompanionError when it cannot be created."""
+    """The next free file of a recording. Raises CompanionError when it cannot be created, ConfigError where its folder
+    is not there: made here, it would hide that a disk was not mounted."""
     try:
-        first.parent.mkdir(parents=True, exist_ok=True)
+        if first.is_dir():
+            raise ConfigError(f"recorder.path {first}: a folder; expected a file, for example {first / 'log.mcap'}")
+        if not first.parent.is_dir():
+            raise ConfigError(f"recorder.path {first}: there is no folder {first.parent}; make it, or name another")
         file = _create(first)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from collections.abc import Callable, Container, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
 import msgspec
-from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from google.protobuf.message import DecodeError as ProtobufDecodeError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from companion.config.file import config_of
 from companion.config.schema import Config
+from companion.core.streams import CSI, NEIGHBOUR, POSE_IN
 from companion.errors import CompanionError
 from companion.log.parts import parts_beside
-from companion.log.scan import UNREADABLE, RecordScan
-from companion.log.writer import METADATA
+from companion.log.scan import MAGIC_BYTES, RecordScan
+from companion.log.writer import CHECKSUM, LIBRARY, METADATA, checksum_of
 
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
@@ -60,7 +65,12 @@ class LogScan:
         self.is_whole = False
         self.damaged = 0
         """Places at which something could not be read, though the file goes on."""
+        self.lost_bytes = 0
+        """In these places."""
         self.size_bytes = 0
+        self.is_own = False
+        """Whether its header or its metadata say that this program wrote it."""
+        self.has_header = False
         self._topics = topics
         self._progress = progress
         self._past_damage = past_damage
@@ -69,17 +79,18 @@ class LogScan:
         try:
             with self.path.open("rb") as file:
                 self.size_bytes = self.path.stat().st_size
-                magic = file.read(len(MCAP0_MAGIC))
-                if magic != MCAP0_MAGIC[: len(magic)]:
-                    raise CompanionError(f"{self.path}: not an MCAP log: it begins with {magic!r}")
-                if len(magic) < len(MCAP0_MAGIC):
-                    return  # cut off before the first record
-                file.seek(0)
+                magic = file.read(MAGIC_BYTES)
                 records = RecordScan(file, self._past_damage)
                 yield from self._messages(records, file)
                 self.is_whole, self.damaged = records.is_whole, records.damaged
+                self.lost_bytes = records.lost_bytes
         except OSError as error:
             raise CompanionError(f"{self.path}: cannot read the log: {error.strerror}") from None
+        if records.unknown and not records.chunks:
+            names = ", ".join(sorted(map(repr, records.unknown)))
+            raise CompanionError(f"{self.path}: compression {names} is not known; expected zstd, lz4 or none")
+        if magic != MCAP0_MAGIC[: len(magic)] and not records.chunks:
+            raise CompanionError(f"{self.path}: not an MCAP log: it begins with {magic!r}")
 
     def _messages(self, records: RecordScan, file: BinaryIO) -> Iterator[LoggedMessage]:
         channels: dict[int, Channel] = {}
@@ -91,8 +102,12 @@ class LogScan:
                     schemas[record.id] = (record.name, record.encoding, record.data)
                 case Channel():
                     channels[record.id] = record
+                case Header():
+                    self.has_header = True
+                    self.is_own = self.is_own or record.library == LIBRARY
                 case Metadata():
-                    self.metadata[record.name] = record.metadata
+                    self.is_own = self.is_own or record.name == METADATA
+                    _take_metadata(record, self.metadata)
                 case Message():
                     if record.channel_id not in channels and not has_learned:  # it was told in a chunk that is damaged
                         has_learned = True
@@ -140,8 +155,11 @@ class Session:
 
     @property
     def wall_minus_mono_ns(self) -> int:
-        """Log time less the service's monotonic time."""
-        return int(self.metadata["wall_minus_mono_ns"])
+        """Log time less the service's monotonic time. Raises CompanionError."""
+        text = self.metadata.get("wall_minus_mono_ns", "")
+        if not re.fullmatch(r"-?\d{1,19}", text):
+            raise CompanionError(f"{self.paths[0]}: its clock cannot be read: wall_minus_mono_ns is {text[:40]!r}")
+        return int(text)
 
     def config(self) -> Config:
         """The configuration the service ran with. Raises CompanionError when there is none, or this version cannot
@@ -151,7 +169,14 @@ class Session:
             raise CompanionError(
                 f"{self.paths[0]}: a log of role {role} holds no configuration; expected a flight's log"
             )
-        return config_of(msgspec.json.decode(self.metadata["config"]), f"{self.paths[0]}: its configuration")
+        where = f"{self.paths[0]}: its configuration"
+        try:
+            document = msgspec.json.decode(self.metadata["config"])
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise CompanionError(f"{where} is damaged: {error}") from None
+        if not isinstance(document, dict):
+            raise CompanionError(f"{where} is damaged: expected a mapping of keys")
+        return config_of(document, where)
 
     def messages(
         self,
@@ -187,11 +212,11 @@ def open_session(path: Path) -> Session:
         raise CompanionError(f"{path}: {_why_no_log(path)}")
     metadata = own[METADATA]
     session = metadata.get("session")
-    parts = {int(metadata.get("part", "0")): (path, metadata)}
-    for beside in parts_beside(_first_of(path)):
+    parts = {_part_number(path, metadata): (path, metadata)}
+    for beside in _parts_beside(path):
         found = metadata_of(beside).get(METADATA, {})
         if session is not None and found.get("session") == session:
-            parts.setdefault(int(found["part"]), (beside, found))
+            parts.setdefault(_part_number(beside, found), (beside, found))
     numbers = sorted(parts)
     gap = next((number for number in range(numbers[0], numbers[-1]) if number not in parts), None)
     if gap is not None:
@@ -199,37 +224,87 @@ def open_session(path: Path) -> Session:
     return Session(tuple(parts[n][0] for n in numbers), parts[numbers[0]][1], numbers[0])
 
 
+def _parts_beside(path: Path) -> list[Path]:
+    try:
+        return parts_beside(_first_of(path))
+    except OSError as error:
+        raise CompanionError(f"{path.parent}: cannot look for the log's other parts: {error.strerror}") from None
+
+
+def _part_number(path: Path, metadata: Mapping[str, str]) -> int:
+    text = metadata.get("part", "0")
+    if not re.fullmatch(r"\d{1,9}", text):
+        raise CompanionError(f"{path}: its metadata are damaged: part {text[:40]!r}; expected a number")
+    return int(text)
+
+
 def metadata_of(path: Path) -> dict[str, dict[str, str]]:
-    """The metadata records at the start of a file, without reading the rest; empty for what is no log."""
+    """The metadata records of a file, each as it stands there first without damage; nothing else is read, and nothing
+    behind the first that are whole. Empty for what is no log. Raises CompanionError for what cannot be read."""
     found: dict[str, dict[str, str]] = {}
+    is_sound = True
     try:
         with path.open("rb") as file:
-            for record in StreamReader(file, emit_chunks=True).records:
+            scan = RecordScan(file, passed_over=(Opcode.CHUNK, Opcode.ATTACHMENT))
+            for record in scan:
                 if isinstance(record, Metadata):
-                    found[record.name] = record.metadata
-                elif found:
+                    if METADATA in found and record.name == METADATA and is_sound:
+                        break  # the next copy of all of them
+                    is_sound = _take_metadata(record, found) and is_sound
+                elif METADATA in found and not isinstance(record, Header) and is_sound and not scan.damaged:
                     break
     except OSError as error:
         raise CompanionError(f"{path}: cannot read the log: {error.strerror}") from None
-    except UNREADABLE:
-        return found
     return found
+
+
+def _take_metadata(record: Metadata, found: dict[str, dict[str, str]]) -> bool:
+    """Unless it is damaged, or there already; whether it is sound. Logs of older versions have no checksum."""
+    values = {key: value for key, value in record.metadata.items() if key != CHECKSUM}
+    is_sound = bool(record.metadata.get(CHECKSUM, checksum_of(values)) == checksum_of(values))
+    if is_sound:
+        found.setdefault(record.name, values)
+    return is_sound
+
+
+def is_foreign_log(path: Path) -> bool:
+    """Whether another program wrote a file: its header says so, or, where that is lost, none of its topics is ours.
+    Raises CompanionError for what is no log."""
+    scan = LogScan(path)
+    ours = {(stream.topic, stream.encoding) for stream in (CSI, POSE_IN, NEIGHBOUR)}
+    found = {(message.topic, message.encoding) for message in scan}
+    return not scan.is_own and (scan.has_header or bool(found)) and not ours & found
 
 
 def _why_no_log(path: Path) -> str:
     """Why a file without our metadata has none."""
     with path.open("rb") as file:
-        magic = file.read(len(MCAP0_MAGIC))
-        if magic != MCAP0_MAGIC[: len(magic)]:
-            return f"not an MCAP log: it begins with {magic!r}"
+        magic = file.read(MAGIC_BYTES)
         if not magic:
             return "empty; nothing was written to it"
-        try:
-            for _ in StreamReader(file, skip_magic=True, emit_chunks=True).records:
-                pass
-        except UNREADABLE:
-            return f"cut off or damaged in its first bytes: its metadata {METADATA!r} cannot be read"
+        scan = RecordScan(file)
+        is_own = any(isinstance(record, Header) and record.library == LIBRARY for record in scan)
+        if magic != MCAP0_MAGIC[: len(magic)] and not scan.chunks:
+            return f"not an MCAP log: it begins with {magic!r}"
+        if is_own or not scan.is_whole:
+            return f"cut off or damaged: its metadata {METADATA!r} cannot be read"
     return f"no log of this program (it has no metadata {METADATA!r})"
+
+
+@contextmanager
+def understood(path: Path) -> Iterator[None]:
+    """What comes of a message that is not what its topic says becomes a CompanionError: the bytes were written so."""
+    try:
+        yield
+    except _NOT_UNDERSTOOD as error:
+        what = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise CompanionError(f"{path}: holds a message that this program does not write ({what})") from error
+
+
+_NOT_UNDERSTOOD: Final = (
+    msgspec.MsgspecError, ProtobufDecodeError, struct.error, LookupError, TypeError, ValueError, ArithmeticError,
+    AttributeError, AssertionError, RecursionError, MemoryError,
+)  # fmt: skip
 
 
 def _first_of(path: Path) -> Path:

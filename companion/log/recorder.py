@@ -78,6 +78,7 @@ class McapRecorder:
         """Times the disk failed us."""
         self.removed_files = 0
         """Old files that the budget did not allow any more."""
+        _make_own_folder(path, config)
         self._part: LogPart | None = self._next_part()
         self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
         self._thread.start()
@@ -197,3 +198,10 @@ class McapRecorder:
             _log.error("recording interrupted: %s; trying again every %g s", error, _RETRY_S)
         self._part = None
         self.failures += 1
+
+
+def _make_own_folder(path: Path, config: Config) -> None:
+    """The service's own runtime directory is made as for its sockets; any other folder has to be there."""
+    if path.parent == config.path(""):
+        with contextlib.suppress(OSError):  # whoever opens the file says what is wrong
+            path.parent.mkdir(parents=True, exist_ok=True)

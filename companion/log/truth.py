@@ -11,6 +11,7 @@ from typing import Final
 from companion.core.messages import Vector3
 from companion.core.streams import TRUTH
 from companion.errors import CompanionError
+from companion.host.whole_file import whole_file
 from companion.log.writer import LogWriter
 
 TRUTH_NAME: Final = "truth.mcap"
@@ -31,7 +32,7 @@ def write_truth(path: Path, truths: Sequence[Truth]) -> None:
     """A log of nothing but the truth, on this host's clocks. Raises CompanionError."""
     offset_ns = time.time_ns() - time.monotonic_ns()
     try:
-        with path.open("wb") as file:
+        with whole_file(path) as file:
             writer = LogWriter(file, {"role": "truth", "wall_minus_mono_ns": str(offset_ns)})
             for truth in truths:
                 t_ns = truth.t_mono_ns + offset_ns

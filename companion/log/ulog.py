@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import json
 import math
 import struct
@@ -33,6 +34,13 @@ _LONGEST_GAP_S: Final = 60.0
 """Where two positions are further apart, a time stamp was damaged, or the logger stood still."""
 _FARTHEST_M: Final = 5.0
 """A vehicle is no further from the median of the five positions around: that one was damaged."""
+_JUMP_M: Final = 0.7
+_FASTEST_M_S: Final = 20.0
+"""A step as long, and faster than any vehicle of ours: the estimator began anew."""
+_SHORTEST_STRETCH_S: Final = 5.0
+"""Of several: a shorter one would fit in too many places."""
+_MOST_STRETCHES: Final = 8
+"""The longest of each log are tried against each other."""
 _AFTERWARDS_S: Final = 3600.0
 """Nothing is logged so long after the last position: that time was damaged."""
 
@@ -42,7 +50,7 @@ _MOST_BACK: Final = 100
 Floats = npt.NDArray[np.float64]
 
 
-class _Forward(io.BufferedReader):
+class _ForwardOnly(io.BufferedReader):
     """The parser goes round in circles in some files that are damaged and cut: this ends it. In others it goes back to
     the header of a message a few times, where sections begin."""
 
@@ -70,7 +78,7 @@ class Ulog:
         self.path = path
         try:
             # Given its name, it leaves a bad file open; and what it says of damage it prints.
-            with _Forward(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
+            with _ForwardOnly(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
                 self._log = ULog(file)
         except (ULogException, struct.error, OSError, *_UNREADABLE) as error:
             raise CompanionError(f"{path}: not a readable .ulg file: {error}") from None
@@ -130,16 +138,45 @@ def _undamaged(t_s: Floats, p_m: Floats) -> npt.NDArray[np.intp]:
 def clock_offset_s(path: Path, ulog: tuple[Floats, Floats], flight: tuple[Floats, Floats]) -> tuple[float, float]:
     """(offset, rms [m]): the flight's time less the autopilot's at which both saw the same positions.
 
-    Each pair is times (N,) [s] and positions (N, 3). The speed over ground is correlated for a first guess, and the
-    positions matched from there. Raises CompanionError when nothing fits to 0.5 m over half of the shorter log: not
-    of the same flight; or when nothing moved there.
+    Each pair is times (N,) [s] and positions (N, 3). Where either jumped, since the autopilot restarted or its
+    estimator was reset, or where one was silent, its stretches are tried each for itself. The speed over ground is
+    correlated for a first guess, and the positions matched from there. Raises CompanionError when nothing fits to 0.5 m
+    over half of the shorter stretch: not of the same flight; or when nothing moved there.
     """
-    their_t, our_t = ulog[0], flight[0]
-    if len(our_t) < 2:
+    if len(flight[0]) < 2:
         raise CompanionError(f"{path}: the flight's log holds no positions of the vehicle to pair it by")
-    for name, t_s in (("it", their_t), ("the flight's log", our_t)):
-        if np.ptp(t_s) < _SHORTEST_S:
-            raise CompanionError(f"{path}: {name} holds positions of {np.ptp(t_s):.1f} s, {_SHORTEST_S:g} are needed")
+    theirs, ours = _stretches(*ulog), _stretches(*flight)
+    for name, longest in (("it", theirs[0]), ("the flight's log", ours[0])):
+        if np.ptp(longest[0]) < _SHORTEST_S:
+            span_s = np.ptp(longest[0])
+            raise CompanionError(f"{path}: {name} holds positions of {span_s:.1f} s, {_SHORTEST_S:g} are needed")
+    pairs = list(itertools.product(theirs[:_MOST_STRETCHES], ours[:_MOST_STRETCHES]))
+    pairs.sort(key=lambda pair: min(np.ptp(pair[0][0]), np.ptp(pair[1][0])), reverse=True)
+    why: CompanionError | None = None
+    for number, (their_part, our_part) in enumerate(pairs):
+        if number and min(np.ptp(their_part[0]), np.ptp(our_part[0])) < _SHORTEST_STRETCH_S:
+            break
+        try:
+            return _offset_s(path, their_part, our_part)
+        except CompanionError as error:
+            why = why or error
+    assert why is not None
+    raise why
+
+
+def _stretches(t_s: Floats, p_m: Floats) -> list[tuple[Floats, Floats]]:
+    """Times (N,) and positions (N, 3) in pieces without jump or gap, the longest first."""
+    steps_m = np.linalg.norm(np.diff(p_m, axis=0), axis=1)
+    steps_s = np.diff(t_s)
+    jumps = (steps_m > _JUMP_M) & (steps_m > _FASTEST_M_S * steps_s)
+    cuts = np.flatnonzero(jumps | (steps_s > _LONGEST_GAP_S)) + 1
+    pieces = list(zip(np.split(t_s, cuts), np.split(p_m, cuts), strict=True))
+    return sorted(pieces, key=lambda piece: float(np.ptp(piece[0])), reverse=True)
+
+
+def _offset_s(path: Path, ulog: tuple[Floats, Floats], flight: tuple[Floats, Floats]) -> tuple[float, float]:
+    """Of two stretches. Raises CompanionError."""
+    their_t, our_t = ulog[0], flight[0]
     theirs, ours = (_activity(*track) for track in (ulog, flight))
     lags = np.correlate(ours - ours.mean(), theirs - theirs.mean(), mode="full")
     guess = our_t[0] - their_t[0] + (int(np.argmax(lags)) - (len(theirs) - 1)) * _STEP_S

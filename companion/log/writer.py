@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import sys
+import zlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO, Final, Literal
 
@@ -17,6 +19,8 @@ from companion.log.encoding import encoded, schema_of, views
 Compression = Literal["zstd", "lz4", "none"]
 METADATA: Final = "companion"
 """Name of the metadata record with version, configuration and clock of a log."""
+CHECKSUM: Final = "crc32"
+"""Key of a metadata record's checksum over its other values."""
 LIBRARY: Final = "wsr-companion"
 _COMPRESSION: Final[Mapping[Compression, CompressionType]] = {
     "zstd": CompressionType.ZSTD,
@@ -25,12 +29,20 @@ _COMPRESSION: Final[Mapping[Compression, CompressionType]] = {
 }
 
 
+def checksum_of(values: Mapping[str, str]) -> str:
+    """Over keys and values, whatever their order."""
+    text = json.dumps({key: value for key, value in values.items() if key != CHECKSUM}, sort_keys=True)
+    return f"{zlib.crc32(text.encode()):08x}"
+
+
 # Bytes of MCAP records less their variable parts (https://mcap.dev/spec): what a message adds to its chunk, what a
 # chunk and each of its channels add to the index, and what stands in the index once.
 _MESSAGE_HEAD: Final = 31
 _CHUNK_INDEX: Final = 84
 _PER_CHANNEL: Final = 10
 _INDEX_ONCE: Final = 512
+_CHUNKS_BETWEEN: Final = 16
+"""Copies of the metadata: a megabyte of messages, or eleven seconds of a flight."""
 
 
 class LogWriter:
@@ -38,7 +50,8 @@ class LogWriter:
 
     A chunk ends when it holds `chunk_bytes` before compression, or when the caller ends it. What a chunk tells of its
     channels for the first time is told once more behind the chunk after it, so that a log that has lost its index and
-    this chunk can still be read.
+    this chunk can still be read. All metadata stand at the start, again behind the first chunk and every
+    `_CHUNKS_BETWEEN` after it, and at the end, each with a checksum: nothing can be made of a log without them.
     """
 
     def __init__(
@@ -52,7 +65,8 @@ class LogWriter:
         self._chunk_bytes = chunk_bytes
         self._writer = Writer(file, chunk_size=sys.maxsize, compression=_COMPRESSION[compression])
         self._writer.start(profile="", library=LIBRARY)
-        self._channels: dict[tuple[str, str], int] = {}
+        self._channels: dict[str, int] = {}
+        self._copied: dict[tuple[str, str, tuple[str, str, bytes]], int] = {}
         self._pose: Pose | None = None
         self.chunks = 0
         """Ended so far."""
@@ -62,6 +76,9 @@ class LogWriter:
         self._told = RecordBuilder()  # schemas and channels of the open chunk
         self._told_before = b""  # and of the one before it
         self._index_bytes = _INDEX_ONCE
+        self._metadata: dict[str, dict[str, str]] = {}
+        self._repeated = 0
+        """Chunks that had ended when the metadata were written last."""
         self.add_metadata(METADATA, metadata)
 
     @property
@@ -92,8 +109,8 @@ class LogWriter:
         self._add(self._registered(topic, encoding, schema), times_ns[0], data, times_ns[1], sequence)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        self._writer.add_metadata(name, dict(values))
-        self._index_bytes += 32 + len(name.encode())
+        self._metadata[name] = dict(values) | {CHECKSUM: checksum_of(values)}
+        self._write_metadata(name)
 
     def end_chunk(self) -> None:
         """Ends the chunk, so that all messages so far are in the file."""
@@ -108,10 +125,24 @@ class LogWriter:
         self._in_chunk.clear()
         self.open_bytes = 0
         self.chunks += 1
+        if self.chunks % _CHUNKS_BETWEEN == 1:
+            self._repeat_metadata()
 
     def finish(self) -> None:
         """Writes the index. The file is whole after this."""
+        self.end_chunk()
+        if self.chunks != self._repeated:
+            self._repeat_metadata()
         self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _repeat_metadata(self) -> None:
+        for name in self._metadata:
+            self._write_metadata(name)
+        self._repeated = self.chunks
+
+    def _write_metadata(self, name: str) -> None:
+        self._writer.add_metadata(name, self._metadata[name])
+        self._index_bytes += 32 + len(name.encode())
 
     def _add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int, sequence: int) -> None:
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
@@ -121,16 +152,16 @@ class LogWriter:
             self.end_chunk()
 
     def _channel(self, topic: str, encoding: str, source: Any) -> int:
-        known = self._channels.get((topic, ""))
+        known = self._channels.get(topic)
         return self._registered(topic, encoding, schema_of(source)) if known is None else known
 
     def _registered(self, topic: str, encoding: str, schema: tuple[str, str, bytes]) -> int:
-        """The channel of a topic; a second schema on one topic gets a second channel."""
-        key = (topic, schema[0])
-        if key not in self._channels:
-            self._channels[key] = self._register(topic, encoding, schema)
-            self._channels.setdefault((topic, ""), self._channels[key])
-        return self._channels[key]
+        """The channel of a topic; another encoding or schema on one topic gets another channel."""
+        key = (topic, encoding, schema)
+        if key not in self._copied:
+            self._copied[key] = self._register(topic, encoding, schema)
+            self._channels.setdefault(topic, self._copied[key])
+        return self._copied[key]
 
     def _register(self, topic: str, encoding: str, schema: tuple[str, str, bytes]) -> int:
         name, kind, data = schema

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import age_s
 from companion.core.inputs import Event
 from companion.core.messages import FlightMode, VehicleState
 from companion.mission.table import State
@@ -14,6 +14,8 @@ MODE_LOST_S: Final = 1.5
 """Without HEARTBEAT and CURRENT_MODE for so long, the mode is not known: the link counts as lost."""
 HEARTBEAT_LOST_S: Final = 1.5
 """Heartbeats come at 1 Hz; the edge asks for one that is late, so that a single lost one is not a lost link."""
+SLEPT_S: Final = 0.2
+"""A suspended host: no other age shows it. Suspending and waking takes longer than this."""
 STALLED_S: Final = 0.5
 """Half of PX4's COM_OF_LOSS_T: after a longer gap in the stream the autopilot may have acted by itself."""
 
@@ -33,7 +35,7 @@ _ENGAGED_STATES: Final = _FLIGHT_STATES | {State.PREFLIGHT}
 _TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
     """Everything the conditions look at. Ages in seconds; infinite for what was never there."""
 
@@ -55,9 +57,13 @@ class Situation:
     target_near: bool
     stream_gap_s: float
     """Since the stream's last tick; 0 while there is no stream."""
+    stood_still_s: float = 0.0
+    """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
+    slept_s: float = 0.0
+    """The host was suspended so long since the last tick."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLimits:
     """The configuration's part in it."""
 
@@ -78,8 +84,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     in_flight, engaged = state in _FLIGHT_STATES, state in _ENGAGED_STATES
     now_ns = situation.now_ns
     link_lost = (
-        _age_s(vehicle.mode_mono_ns, now_ns) > MODE_LOST_S
-        or _age_s(vehicle.heartbeat_mono_ns, now_ns) > HEARTBEAT_LOST_S
+        age_s(vehicle.mode_mono_ns, now_ns) > MODE_LOST_S or age_s(vehicle.heartbeat_mono_ns, now_ns) > HEARTBEAT_LOST_S
     )
     battery_low = vehicle.battery_remaining is not None and vehicle.battery_remaining < limits.min_battery
     silent = situation.target_age_s > limits.silent_s
@@ -89,7 +94,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     )
     holds = {
         Event.LINK_LOST: link_lost,
-        Event.STALLED: situation.stream_gap_s > STALLED_S,
+        Event.STALLED: max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S or situation.slept_s > SLEPT_S,
         Event.MODE_LOST: in_flight
         and situation.took_off
         and vehicle.mode not in _expected_modes(state, situation, limits),
@@ -117,7 +122,3 @@ def _time_limit_s(state: State, limits: ConditionLimits) -> float:
     if state is State.HOLDING:
         return limits.hold_s
     return _TIME_LIMITS_S.get(state, float("inf"))
-
-
-def _age_s(t_ns: int | None, now_ns: int) -> float:
-    return float("inf") if t_ns is None else (now_ns - t_ns) / NS_PER_S

@@ -1,4 +1,4 @@
-"""The mission as a pure state machine: one table, one step. docs/safety.md shows it, generated from here.
+"""The mission as a pure state machine: one table, one step. docs/mission.md shows it, generated from here.
 
 Every way out of our own mode stops the stream and ends in LATCHED (or FAULT): the companion never takes the vehicle
 back by itself. Only a person's `engage` leads out of IDLE and LATCHED, and the table has no other way.
@@ -48,6 +48,8 @@ class Action(StrEnum):
     LEAVE_WITHOUT_TARGET = "leave_without_target"
     """Return or land, as mission.lost_target says."""
     LAND = "land"
+    LEAVE_ON_THE_GROUND = "leave_on_the_ground"
+    """Out of OFFBOARD, should PX4 go back to it when it disarms."""
 
 
 Step = tuple[State, tuple[Action, ...]]
@@ -76,6 +78,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.IDLE, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.PREFLIGHT, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.PREFLIGHT, _E.MODE_LOST): (_S.LATCHED, ()),
+    (_S.PREFLIGHT, _E.STALLED): (_S.LATCHED, ()),
     (_S.PREFLIGHT, _E.LINK_LOST): (_S.LATCHED, ()),
     (_S.PREFLIGHT, _E.ABORT): (_S.LATCHED, ()),
     (_S.PREFLIGHT, _E.POSE_LOST): (_S.IDLE, ()),
@@ -105,18 +108,20 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.HOLDING, _E.TIMEOUT): (_S.LANDING, (_A.STREAM_STOP, _A.LEAVE_WITHOUT_TARGET)),
     (_S.ARRIVED, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.ARRIVED, _E.MODE_LOST): (_S.LATCHED, ()),
+    (_S.ARRIVED, _E.STALLED): (_S.LATCHED, ()),  # there is no stream: it was not we alone that stood still
     (_S.ARRIVED, _E.LINK_LOST): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.ABORT): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.POSE_LOST): (_S.LANDING, (_A.LAND,)),
     (_S.ARRIVED, _E.BATTERY_LOW): (_S.LANDING, (_A.LAND,)),
     (_S.ARRIVED, _E.TIMEOUT): (_S.LANDING, (_A.LAND,)),
-    (_S.ARRIVED, _E.LANDED): (_S.IDLE, ()),
+    (_S.ARRIVED, _E.LANDED): (_S.IDLE, (_A.LEAVE_ON_THE_GROUND,)),
     (_S.LANDING, _E.TASK_FAILED): (_S.FAULT, ()),
     (_S.LANDING, _E.MODE_LOST): (_S.LATCHED, ()),
+    (_S.LANDING, _E.STALLED): (_S.LATCHED, ()),
     (_S.LANDING, _E.LINK_LOST): (_S.LATCHED, ()),
     (_S.LANDING, _E.ABORT): (_S.LATCHED, ()),  # the autopilot goes on landing; only we let go
     (_S.LANDING, _E.TIMEOUT): (_S.LANDING, (_A.LAND,)),
-    (_S.LANDING, _E.LANDED): (_S.IDLE, ()),
+    (_S.LANDING, _E.LANDED): (_S.IDLE, (_A.LEAVE_ON_THE_GROUND,)),
     (_S.LATCHED, _E.ENGAGE): (_S.PREFLIGHT, (_A.RUN_PREFLIGHT,)),
     (_S.LATCHED, _E.TASK_FAILED): (_S.FAULT, ()),
 }

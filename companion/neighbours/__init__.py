@@ -1,5 +1,7 @@
 """The other robots' datagrams: bytes in, poses and reverse channels of each neighbour out, and how far to trust them.
 
-Also our own datagrams on their way out. Touches the UDP socket (`link`), the keys and the file of boots; no card, no
+`link` is the socket, `wire` and `columns` are the bytes; `receiver` authenticates and files what arrives with its
+`neighbour`, which judges it (`session`), relates the clocks (`clock_relation`) and pairs packets (`pairing`); `sender`
+makes our own datagrams. Touches the UDP socket, the files of keys (`keys`) and the file of boots (`boots`); no card, no
 pose source.
 """

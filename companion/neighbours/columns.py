@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 Values = npt.NDArray[np.int64]
 _WIDTH_BITS: Final = 5
-_MOST_BITS: Final = 24
+_MOST_BITS: Final = (1 << _WIDTH_BITS) - 1
 _SHIFTS: Final = np.arange(_MOST_BITS)
-_WEIGHTS: Final = np.exp2(np.arange(_MOST_BITS)).astype(np.float32)
 
 
 def pack(columns: Sequence[tuple[Values, int]]) -> bytes:
@@ -42,19 +41,28 @@ def unpack(data: bytes, columns: Sequence[tuple[int, int]]) -> list[Values]:
     that."""
     head_bits = sum(size + _WIDTH_BITS for _, size in columns)
     start = (head_bits + 7) // 8
-    head = int.from_bytes(data[:start], "little")
-    # Numbers of up to 24 bits are whole in float32, whose products are the fast ones.
-    bits = np.unpackbits(np.frombuffer(data, np.uint8, offset=min(start, len(data))), bitorder="little")
-    weighable = bits.astype(np.float32)
-    found, at = [], 0
+    head, rows = int.from_bytes(data[:start], "little"), data[start:]
+    heads, left = [], 8 * len(rows)
     for count, size in columns:
         least, width = head & (1 << size) - 1, head >> size & (1 << _WIDTH_BITS) - 1
         head >>= size + _WIDTH_BITS
-        if width > size or at + count * width > len(bits):
-            raise ValueError(f"a column of {count} rows with {width} bits, {len(bits) - at} left")
-        rows = weighable[at : at + count * width].reshape(count, width)
-        found.append((rows @ _WEIGHTS[:width]).astype(np.int64) + least)
-        at += count * width
-    if len(data) < start or len(bits) - at >= 8 or head or bits[at:].any():
-        raise ValueError(f"{len(data)} bytes, expected {start + (at + 7) // 8}")
-    return found
+        if width > size or count * width > left:
+            raise ValueError(f"a column of {count} rows with {width} bits, {left} left")
+        heads.append((count, least, width))
+        left -= count * width
+    if len(data) < start or left >= 8 or head or (left and rows[-1] >> 8 - left):
+        raise ValueError(f"{len(data)} bytes, expected {start + len(rows) - left // 8}")
+    return _read(rows, heads)
+
+
+def _read(rows: bytes, heads: Sequence[tuple[int, int, int]]) -> list[Values]:
+    """The columns of which `heads` has the rows, the least value and the width: each row lies within the eight bytes
+    from that of its first bit on, and all are read at once."""
+    count, least, width = np.array(heads, np.int64).reshape(-1, 3).T
+    widths = np.repeat(width, count)
+    first = np.cumsum(widths) - widths
+    words: Values = np.ndarray(len(rows) + 1, "<i8", rows + bytes(8), strides=(1,))
+    values = (words[first >> 3] >> (first & 7)) & ((1 << widths) - 1)
+    values += np.repeat(least, count)
+    ends = np.cumsum(count).tolist()
+    return [values[end - size : end] for (size, _, _), end in zip(heads, ends, strict=True)]

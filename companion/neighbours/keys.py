@@ -14,12 +14,15 @@ from pathlib import Path
 from companion.errors import CompanionError, ConfigError
 from companion.neighbours import wire
 
+_LARGEST_BYTES = 1 << 16
+
 
 def read_key(path: Path) -> bytes:
     """The secret bytes in `path`. Raises ConfigError when it is missing, short, or readable by others."""
     try:
         mode = path.stat().st_mode
-        key = path.read_bytes()
+        with path.open("rb") as file:
+            key = file.read(_LARGEST_BYTES)  # whatever the name stands for
     except OSError as error:
         raise ConfigError(
             f"{path}: cannot read the key: {error.strerror} (companion keygen {path} makes one)"
@@ -34,9 +37,13 @@ def read_key(path: Path) -> bytes:
 def write_key(path: Path) -> None:
     """A new random key with mode 0600 from its first moment. Raises CompanionError; an existing file is never
     replaced."""
+    made = False
     try:
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            made = True
             file.write(secrets.token_bytes(wire.MIN_KEY_BYTES))
             os.fchmod(file.fileno(), 0o600)  # whatever the umask took away
     except OSError as error:
+        if made:  # a key that is cut short would be taken for one
+            path.unlink(missing_ok=True)
         raise CompanionError(f"{path}: cannot write the key: {error.strerror}") from None

@@ -1,4 +1,7 @@
-"""One neighbour: its poses, the channels it measured, its clock on ours."""
+"""One robot we listen to: what it is to us now, its poses, the channels it measured, its clock on ours.
+
+Takes datagrams that the receiver has authenticated; refuses those that cannot be, by reason.
+"""
 
 from __future__ import annotations
 
@@ -14,32 +17,19 @@ from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.clock_relation import ClockRelation, Offset
 from companion.neighbours.pairing import Pairing
-from companion.neighbours.session import Session
+from companion.neighbours.session import SenderSession
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
-
-_KEPT_DATAGRAMS: Final = 400  # 40 s at 10 Hz: longer than any aperture takes
-
-
+_KEPT_DATAGRAMS: Final = 400
+"""40 s at 10 Hz: longer than any aperture takes."""
 _STALE_NS: Final = 2 * NS_PER_S
-
-
 _LOST_NS: Final = 10 * NS_PER_S
-
-
 _MAX_SPEED_M_S: Final = 20.0
-
-
-_JUMP_M: Final = 0.5  # what a tracker's correction may move a pose at once
-
-
+_JUMP_M: Final = 0.5
+"""What a tracker's correction may move a pose at once."""
 _SETTLED: Final = 5
-
-
 _US_ROUND: Final = 1 << 32
-
-
 _LONGEST_ECHO_US: Final = 5_000_000
 
 
@@ -75,7 +65,7 @@ class Neighbour:
 
     id: int
     name: str
-    session: Session = field(default_factory=lambda: Session(None))
+    session: SenderSession = field(default_factory=lambda: SenderSession(None))
     relation: ClockRelation = field(default_factory=lambda: ClockRelation(we_ping=True))
     heard_ns: int | None = None
     accepted: int = 0

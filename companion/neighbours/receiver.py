@@ -1,4 +1,4 @@
-"""What the neighbours broadcast: who is there and how far to trust it, their poses and the channels they measured."""
+"""Datagrams in, neighbours out: each datagram is authenticated, judged and filed with the robot it came from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from companion.neighbours import wire
 from companion.neighbours.boots import Book
 from companion.neighbours.clock_relation import ClockRelation
 from companion.neighbours.neighbour import Neighbour
-from companion.neighbours.session import Session, Verdict
+from companion.neighbours.session import Freshness, SenderSession
 
 _log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class NeighbourReceiver:
         self._clock = clock
         self._book = book
         self.neighbours = {
-            peer: Neighbour(peer, name, Session(book.reached(peer) if book else None), ClockRelation(we_ping))
+            peer: Neighbour(peer, name, SenderSession(book.reached(peer) if book else None), ClockRelation(we_ping))
             for peer, name in names.items()
         }
         self.counters = LinkCounters()
@@ -94,7 +94,7 @@ class NeighbourReceiver:
         now_ns, session = self._clock.now_ns(), neighbour.session
         known, rivals = session.boot_id, session.rivals
         verdict = session.judge(datagram.boot_id, datagram.counter, now_ns)
-        if verdict is Verdict.DUPLICATE and rivals is None and session.rivals is not None:
+        if verdict is Freshness.DUPLICATE and rivals is None and session.rivals is not None:
             _log.error(
                 "two robots send as %s (id %d): boots %016x and %016x take turns; both are refused",
                 neighbour.name, neighbour.id, *session.rivals,
@@ -103,8 +103,8 @@ class NeighbourReceiver:
         if session.boot_id != known:
             _log.info("%s (id %d): boot %016x", neighbour.name, neighbour.id, session.boot_id)
             neighbour.restart()
-        if verdict is not Verdict.FRESH:
-            if verdict is Verdict.REPLAY:
+        if verdict is not Freshness.FRESH:
+            if verdict is Freshness.REPLAY:
                 neighbour.refused.replay += 1
             else:
                 neighbour.refused.duplicate_identity += 1

@@ -103,21 +103,25 @@ class NeighbourSender:
                 self._allowance -= len(data) + wire.FRAME_BYTES
         return made
 
+    def note_unsent(self, data: bytes) -> None:
+        """A datagram that the network did not take was not sent."""
+        self.sent_bytes -= len(data) + wire.FRAME_BYTES
+
     def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
         """With as many of the channels, evenly, as the budget has room for."""
         t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
         datagram = wire.Datagram(
-            self._role,
-            self._id,
-            self._boot_id,
-            self._counter,
-            now_ns,
-            wire.PoseBatch(
+            role=self._role,
+            sender=self._id,
+            boot_id=self._boot_id,
+            counter=self._counter,
+            sent_ns=now_ns,
+            poses=wire.PoseBatch(
                 np.array(t_ns, np.int64), np.array(p_enu_m, float).reshape(-1, 3), np.array(confidence, np.uint8)
             ),
-            csi,
-            self._counted,
-            self._echo(now_ns),
+            csi=csi,
+            counted=self._counted,
+            echo=self._echo(now_ns),
         )
         self._counter += 1
         try:

@@ -15,7 +15,7 @@ _ALTERNATIONS: Final = 3
 _KEPT_BOOTS: Final = 8
 
 
-class Verdict(StrEnum):
+class Freshness(StrEnum):
     FRESH = "fresh"
     REPLAY = "replay"
     DUPLICATE = "duplicate identity"
@@ -47,7 +47,7 @@ class _Boot:
     heard_ns: int
 
 
-class Session:
+class SenderSession:
     """Judges the datagrams of one sender, which are authentic already.
 
     A higher boot number is a reboot and replaces the one before. Older boots are replays; but one that was heard live
@@ -70,7 +70,7 @@ class Session:
     def boot_id(self) -> int | None:
         return self._current
 
-    def judge(self, boot_id: int, counter: int, now_ns: int) -> Verdict:
+    def judge(self, boot_id: int, counter: int, now_ns: int) -> Freshness:
         if self._current is None:
             return self._first(boot_id, counter, now_ns)
         if boot_id != self._current and _number(boot_id) > _number(self._current):
@@ -79,31 +79,31 @@ class Session:
         boot = self._boots.get(boot_id)
         if boot is None:
             if _number(boot_id) < _number(self._current):
-                return Verdict.REPLAY
+                return Freshness.REPLAY
             # The same number with another random part: only a copy of the same state can have made it.
             boot = self._boots[boot_id] = _Boot(ReplayWindow(counter - 1), now_ns)
         if not boot.window.is_fresh(counter):
-            return Verdict.REPLAY
+            return Freshness.REPLAY
         boot.window.mark(counter)
         boot.heard_ns = now_ns
         verdict = self._unless_rivals(boot_id, now_ns)
-        if verdict is Verdict.FRESH and boot_id != self._current:
-            return Verdict.REPLAY
+        if verdict is Freshness.FRESH and boot_id != self._current:
+            return Freshness.REPLAY
         return verdict
 
-    def _first(self, boot_id: int, counter: int, now_ns: int) -> Verdict:
+    def _first(self, boot_id: int, counter: int, now_ns: int) -> Freshness:
         reached = self._reached
         floor = -1
         if reached is not None:
             if boot_id == reached.boot_id:
                 floor = reached.ceiling
             elif _number(boot_id) <= _number(reached.boot_id):
-                return Verdict.REPLAY
+                return Freshness.REPLAY
         if counter <= floor:
-            return Verdict.REPLAY
+            return Freshness.REPLAY
         self._enter(boot_id, counter, now_ns, floor)
         self._newest = boot_id
-        return Verdict.FRESH
+        return Freshness.FRESH
 
     def _enter(self, boot_id: int, counter: int, now_ns: int, floor: int) -> None:
         self._current = boot_id
@@ -112,7 +112,7 @@ class Session:
         while len(self._boots) > _KEPT_BOOTS:
             self._boots.pop(next(iter(self._boots)))
 
-    def _unless_rivals(self, boot_id: int, now_ns: int) -> Verdict:
+    def _unless_rivals(self, boot_id: int, now_ns: int) -> Freshness:
         """Counts how often fresh datagrams of different boots take turns."""
         if self._rivalry_ns is not None and now_ns - self._rivalry_ns > _RIVALRY_NS:
             self._rivalry_ns, self.rivals, self._alternations = None, None, 0
@@ -124,7 +124,7 @@ class Session:
                 self.rivals = min(boot_id, self._newest), max(boot_id, self._newest)
                 self._rivalry_ns = now_ns
         self._newest = boot_id
-        return Verdict.DUPLICATE if self.rivals is not None else Verdict.FRESH
+        return Freshness.DUPLICATE if self.rivals is not None else Freshness.FRESH
 
 
 def _number(boot_id: int) -> int:

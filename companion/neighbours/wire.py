@@ -119,7 +119,7 @@ class Echo:
     held_us: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Datagram:
     """`boot_id`: boot number in the upper 32 bits, random in the lower. `sent_ns` on the sender's monotonic clock.
     `counted`: the CSI has frame counters; without them it is paired by time."""
@@ -202,15 +202,15 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
     except ValueError as error:
         raise WireError(f"sender {sender}: {n_poses} poses and {n_csi} channels: {error}") from None
     return Datagram(
-        Role(role),
-        sender,
-        boot_id,
-        counter,
-        sent_ns,
-        _poses(columns[: len(_POSE_BITS)] if n_poses else [], np.array(base), sent_ns),
-        _csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns) if n_csi else empty_csi(),
-        bool(flags & _COUNTED),
-        Echo(robot, *echo) if robot else None,
+        role=Role(role),
+        sender=sender,
+        boot_id=boot_id,
+        counter=counter,
+        sent_ns=sent_ns,
+        poses=_poses(columns[: len(_POSE_BITS)] if n_poses else [], np.array(base), sent_ns),
+        csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns) if n_csi else empty_csi(),
+        counted=bool(flags & _COUNTED),
+        echo=Echo(robot, *echo) if robot else None,
     )
 
 

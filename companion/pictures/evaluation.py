@@ -49,7 +49,7 @@ def draw_risk_coverage(path: Path, result: Evaluation) -> None:
         xlabel="share of links kept",
         ylabel="mean |azimuth error| [deg]",
         xlim=(0, 1),
-        title=f"Risk and coverage, {result.estimator}, poses from {result.poses}",
+        title=f"Risk and coverage, {result.estimator}, poses from {result.poses}, {len(result.links)} links",
     )
     axes.set_ylim(bottom=0)
     axes.grid(color="0.92")

@@ -18,6 +18,7 @@ _COLOURS: Final = "viridis"
 _TRUTH_COLOUR: Final = "#e8000b"
 _TRUTH_STYLE: Final = {"marker": "x", "markersize": 9, "markeredgewidth": 2.2, "linestyle": "none"}
 _ESTIMATE_STYLE: Final = {"marker": "o", "markersize": 12, "markerfacecolor": "none", "linestyle": "none"}
+_QUARTERS: Final = {-180: "West", -90: "South", 0: "East", 90: "North", 180: "West"}
 _POOL: Final = 3
 """Grid points per facet of the 3D view, each way; the highest is shown."""
 
@@ -51,7 +52,7 @@ def draw_profile(
     of one azimuth where the polar angle is not observable, and is called no bearing where the azimuth is not. Folders
     are made as needed. Raises OSError.
     """
-    figure = Figure(figsize=(12.5, 4.8), layout="constrained")
+    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     relative = profile.power / np.maximum(profile.power.max(), np.finfo(np.float32).tiny)
     found = (estimate.azimuth_rad, estimate.polar_rad if polar_observable else None)
@@ -84,8 +85,10 @@ def _top_view(
         _mark(axes, truth, _TRUTH_COLOUR, "true bearing", _TRUTH_STYLE)
     axes.legend(loc="lower right", fontsize=8, facecolor="#444444", labelcolor="white", framealpha=0.8)
     axes.axhline(90, color="white", linewidth=0.6, linestyle=":", alpha=0.7)
+    axes.text(-176, 88, "horizon", color="white", fontsize=8, alpha=0.8)
     axes.set(xlabel="azimuth [deg], counter-clockwise from East", ylabel="polar angle from Up [deg]", title="top view")
-    axes.set(xlim=(-180, 180), ylim=(180, 0), xticks=range(-180, 181, 45), yticks=range(0, 181, 30))
+    axes.set(xlim=(-180, 180), ylim=(180, 0), yticks=range(0, 181, 30))
+    axes.set_xticks(list(_QUARTERS), [f"{azimuth_deg}\n{name}" for azimuth_deg, name in _QUARTERS.items()])
 
 
 def _mark(axes: Axes, where: tuple[float, float], colour: str, label: str, style: dict[str, Any]) -> None:

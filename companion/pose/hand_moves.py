@@ -1,7 +1,7 @@
 """Hand moves that show whether the axes are right: what each must do to East, North and Up. Pure.
 
 The only proof of a chain of conversions is to move the vehicle and look. The table is for a vehicle whose nose points
-along `yaw`; docs/safety.md repeats it, generated, and `companion check-axes` asks for each move, live.
+along `yaw`; docs/vehicle.md repeats it, generated, and `companion check-axes` asks for each move, live.
 """
 
 from __future__ import annotations

@@ -19,8 +19,11 @@ _KEPT: Final = 256
 _RATE_WINDOW_NS: Final = NS_PER_S
 _AHEAD_NS: Final = NS_PER_S // 20
 """How far a pose may be ahead of us: one of a later time would look fresh until then, and all after it too old."""
+_FARTHEST_M: Final = 1e5
+_FASTEST_M_S: Final = 200.0
+_MOST_NORM_OFF: Final = 0.1
 _REASONS: Final = (
-    "not finite", "failed", "future", "jump", "low confidence", "low rate", "gap", "stall", "disorder",
+    "not finite", "not plausible", "failed", "future", "jump", "low confidence", "low rate", "gap", "stall", "disorder",
 )  # fmt: skip
 
 
@@ -75,6 +78,8 @@ class PoseHealth:
         """Whether this pose can be used at all."""
         if not _is_finite(pose):
             return self._refuse("not finite", now_ns)
+        if not _is_plausible(pose):
+            return self._refuse("not plausible", now_ns)
         if pose.confidence < 1:
             return self._refuse("failed", now_ns)
         if pose.t_mono_ns - now_ns > _AHEAD_NS:
@@ -179,3 +184,12 @@ class PoseHealth:
 def _is_finite(pose: Pose) -> bool:
     values = (*pose.p_enu_m, *pose.q_enu_from_body, *pose.v_enu_m_s)
     return all(map(math.isfinite, values)) and any(pose.q_enu_from_body)
+
+
+def _is_plausible(pose: Pose) -> bool:
+    """Whether anything of ours can be there, as fast, and turned so: else its numbers are no pose."""
+    return (
+        math.hypot(*pose.p_enu_m) < _FARTHEST_M
+        and math.hypot(*pose.v_enu_m_s) < _FASTEST_M_S
+        and abs(math.hypot(*pose.q_enu_from_body) - 1.0) < _MOST_NORM_OFF
+    )

@@ -25,14 +25,14 @@ class PoseIntake:
     none.
     """
 
-    def __init__(self, config: PoseConfig, clock: Clock, on_pose: Callable[[Pose], None]) -> None:
+    def __init__(self, config: PoseConfig, clock: Clock, source: Poses, on_pose: Callable[[Pose], None]) -> None:
         self._clock = clock
+        self._source = source
         self._on_pose = on_pose
         self._health = PoseHealth(
             HealthLimits(stale_s=config.stale_s, min_confidence=config.min_confidence, min_rate_hz=config.min_rate_hz)
         )
         self._finder = NorthFinder()
-        self._source: Poses | None = None
         self._source_resets = 0
         self._jumps = 0
         self._is_aligned = config.north == "config"
@@ -41,12 +41,8 @@ class PoseIntake:
         self.reset_counter = 0
         """Rises when the tracker began anew or jumped: its frame is no longer the one before."""
 
-    def bind(self, source: Poses) -> None:
-        self._source = source
-
     def take(self, pose: Pose) -> None:
         now_ns = self._clock.now_ns()
-        assert self._source is not None
         if self._source.resets != self._source_resets:
             self._source_resets = self._source.resets
             self._begin_anew(now_ns)
@@ -66,7 +62,6 @@ class PoseIntake:
         self._finder.add(t_ns, yaw_enu_rad, pose)
         north = self._finder.north()
         if isinstance(north, North):
-            assert self._source is not None
             self.north_rad += north.yaw_rad
             self._source.align(self.north_rad)
             self._health.note_reset(t_ns)
@@ -108,11 +103,10 @@ class PoseIntake:
     def report(self) -> dict[str, Any]:
         """For the log and the status."""
         status = self._health.status(self._clock.now_ns())
-        source = self._source
         return {
-            "received": 0 if source is None else source.received,
-            "malformed": 0 if source is None else source.malformed,
-            "resets": 0 if source is None else source.resets,
+            "received": self._source.received,
+            "malformed": self._source.malformed,
+            "resets": self._source.resets,
             "rate_hz": status.rate_hz,
             "confidence": status.confidence,
             "lost": status.is_lost,

@@ -1,6 +1,6 @@
-"""OptiTrack motion capture: NatNet frames over UDP, unicast, parsed by the `natnet` library.
+"""OptiTrack motion capture: NatNet frames over UDP, unicast (`companion.pose.natnet_frame` takes them apart).
 
-Only the library's parser is used: its client prints, polls on threads and blocks in `connect`. The handshake is one
+The handshake is one
 datagram (u16 message id 0, u16 length, "Ping" and a zero byte; little-endian) answered by SERVERINFO, which names the
 protocol version; a keep-alive (message id 10) a second keeps a unicast server sending.
 
@@ -12,34 +12,32 @@ axes forward, left, up. North is what `pose.north_yaw_deg` says of Motive's axes
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import socket
-import struct
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from natnet.data_frame import DataFrame
-from natnet.packet_buffer import PacketBuffer
-from natnet.server_info import ServerInfo
-from natnet.version import Version
 
 from companion.config.schema import NatNetConfig
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
 from companion.pose.autopilot import turned
+from companion.pose.natnet_frame import HEADER, Body, NatNetError, Version, body_in, message_of, protocol_version
 from companion.pose.port import PoseSink
 from wsr.geometry import quaternion_conjugate, quaternion_multiply
 
+_log = logging.getLogger(__name__)
 _CONNECT: Final = 0
 _SERVERINFO: Final = 1
 _FRAMEOFDATA: Final = 7
 _KEEPALIVE: Final = 10
-_HEADER: Final = struct.Struct("<HH")
 _Q_ENU_FROM_Y_UP: Final = np.array([math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0])
 _DATAGRAM_BYTES: Final = 65536
-_OLDEST: Final = Version(2, 6)
-_PARSE_ERRORS: Final = (struct.error, ValueError, TypeError, KeyError, AssertionError, IndexError)
+_OLDEST: Final = (2, 6)
+"""Before, nothing tells whether a body is tracked."""
+_FASTEST_M_S: Final = 50.0
 
 
 class NatNetPoses:
@@ -50,7 +48,8 @@ class NatNetPoses:
         self._clock = clock
         self._on_pose = on_pose
         self._north_rad = 0.0
-        self._version: Any = None
+        self._version: Version | None = None
+        self._complained = False
         self._previous: tuple[float, Vector3] | None = None
         self.received = 0
         self.malformed = 0
@@ -75,7 +74,7 @@ class NatNetPoses:
                 message = b"Ping\0" if self._version is None else b"\0"
                 number = _CONNECT if self._version is None else _KEEPALIVE
                 try:
-                    self._socket.send(_HEADER.pack(number, len(message)) + message)
+                    self._socket.send(HEADER.pack(number, len(message)) + message)
                 except OSError:
                     self._version = None  # the server is not there, or no longer
                 await self._clock.sleep_until_ns(self._clock.now_ns() + NS_PER_S)
@@ -98,27 +97,37 @@ class NatNetPoses:
 
     def _take(self, datagram: bytes, now_ns: int) -> None:
         try:
-            number, length = _HEADER.unpack_from(datagram)
-            if length != len(datagram) - _HEADER.size:
-                raise ValueError("its length field is wrong")
-            buffer = PacketBuffer(datagram)
-            buffer.pointer = _HEADER.size
+            number, payload = message_of(datagram)
             if number == _SERVERINFO:
-                version = ServerInfo.read_from_buffer(buffer, _OLDEST).nat_net_protocol_version
-                self._version = version if version >= _OLDEST else None
+                self._greet(protocol_version(payload))
             elif number == _FRAMEOFDATA and self._version is not None:
-                self._take_frame(DataFrame.read_from_buffer(buffer, self._version), now_ns)
-        except _PARSE_ERRORS:
+                body = body_in(payload, self._version, self._config.body)
+                if body is not None:
+                    self._take_body(body, now_ns)
+        except NatNetError as error:
             self.malformed += 1
+            self._complain(f"a datagram of pose.natnet.server {self._config.server} is left out: {error}")
 
-    def _take_frame(self, frame: Any, now_ns: int) -> None:
-        body = next((body for body in frame.rigid_bodies if body.id_num == self._config.body), None)
-        if body is None:
-            return
-        qx, qy, qz, qw = body.rot
-        p_m, q = self._enu(body.pos, (qw, qx, qy, qz))
-        confidence = 3 if body.tracking_valid else 0
-        velocity = self._velocity(float(frame.suffix.timestamp), p_m) if confidence else (0.0, 0.0, 0.0)
+    def _greet(self, version: Version) -> None:
+        self._version = version if version >= _OLDEST else None
+        if self._version is None:
+            spoken, needed = (".".join(map(str, one)) for one in (version, _OLDEST))
+            self._complain(
+                f"pose.natnet.server {self._config.server} speaks NatNet {spoken}, which does not tell whether a body "
+                f"is tracked; {needed} or newer is needed"
+            )
+
+    def _complain(self, text: str) -> None:
+        """Once: what follows is counted."""
+        if not self._complained:
+            self._complained = True
+            _log.warning("%s", text)
+
+    def _take_body(self, body: Body, now_ns: int) -> None:
+        qx, qy, qz, qw = body.quaternion_xyzw
+        p_m, q = self._enu(body.position_m, (qw, qx, qy, qz))
+        confidence = 3 if body.is_tracked else 0
+        velocity = self._velocity(body.t_s, p_m) if confidence else (0.0, 0.0, 0.0)
         self.received += 1
         self._on_pose(turned(Pose(now_ns, p_m, q, velocity, confidence), self._north_rad))
 
@@ -134,9 +143,9 @@ class NatNetPoses:
         return (x, -z, y), (w, qx, qy, qz)
 
     def _velocity(self, t_s: float, p_m: Vector3) -> Vector3:
-        """From the positions of two frames: NatNet carries none."""
+        """From the positions of two frames: NatNet carries none. Zero over a jump, which the health sees for itself."""
         before, self._previous = self._previous, (t_s, p_m)
         if before is None or not 0 < t_s - before[0] < 1:
             return (0.0, 0.0, 0.0)
         x, y, z = ((p - q) / (t_s - before[0]) for p, q in zip(p_m, before[1], strict=True))
-        return (x, y, z)
+        return (x, y, z) if math.hypot(x, y, z) < _FASTEST_M_S else (0.0, 0.0, 0.0)

@@ -7,16 +7,13 @@ import math
 from companion.config.schema import Config
 from companion.core.clock import Clock
 from companion.errors import CompanionError
-from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink
 from companion.pose.source import PoseSource
 
 
-def open_poses(config: Config, clock: Clock, intake: PoseIntake, sink: PoseSink | None = None) -> Poses:
-    """The source, bound to the intake; its poses go to `sink`, which hands them on, or to the intake itself. Raises
-    CompanionError when it cannot be opened."""
-    pose, source = config.pose, _source(config, clock, sink or intake.take)
-    intake.bind(source)
+def open_poses(config: Config, clock: Clock, sink: PoseSink) -> Poses:
+    """The source, whose poses go to `sink` once it runs. Raises CompanionError when it cannot be opened."""
+    pose, source = config.pose, _source(config, clock, sink)
     if pose.source != "px4":  # its estimator has found North by itself
         source.align(math.radians(pose.north_yaw_deg))
     return source
@@ -30,9 +27,9 @@ def _source(config: Config, clock: Clock, sink: PoseSink) -> Poses:
 
         return NatNetPoses(pose.natnet, clock, sink)
     if pose.source == "recording":
-        from companion.pose.recording import RecordedPoses
+        from companion.pose.recording import FilePoses
 
-        recording = RecordedPoses(config.path(pose.recording), clock, sink)
+        recording = FilePoses(config.path(pose.recording), clock, sink)
         if not recording.has_attitudes and any(pose.antenna_m):
             raise CompanionError(
                 f"pose.recording {pose.recording}: has no attitudes, so the antenna cannot be placed by pose.antenna_m "

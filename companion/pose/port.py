@@ -14,7 +14,7 @@ Numbers may be NaN: a lost tracker sends such poses, and it is the health's part
 
 
 class Poses(Protocol):
-    """One source. It is bound to its sink when it is made."""
+    """One source, made with its sink."""
 
     received: int
     """Poses handed over."""

@@ -33,10 +33,14 @@ class ReaderProcess:
         self.restarts = 0
         self.pid: int | None = None
 
+    def check(self) -> None:
+        """Raises CompanionError when there is no such program."""
+        if self._command and shutil.which(self._command[0]) is None:
+            raise CompanionError(f"pose.reader_command {self._command[0]}: no such program")
+
     async def run(self) -> None:
         """Until cancelled; never leaves a process behind. Raises CompanionError when there is no such program."""
-        if shutil.which(self._command[0]) is None:
-            raise CompanionError(f"pose.reader_command {self._command[0]}: no such program")
+        self.check()
         wait_s = _FIRST_WAIT_S
         while True:
             started_ns = self._clock.now_ns()

@@ -1,12 +1,9 @@
-"""A recorded trajectory as a live source, at the pace it was recorded: TUM (`t x y z qx qy qz qw`, blanks) or the WSR
-data sets' CSV (`sec, nsec, x, y, z[, qx, qy, qz, qw]`), both z-up. Their motion capture has no attitudes: it is played
-level, with the nose to the file's x."""
+"""A recorded trajectory as a live source, at the pace it was recorded: any format of docs/recordings.md, z up. One
+without attitudes, as the motion capture of the WSR data sets, is played level, with the nose to the file's x."""
 
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +12,10 @@ from companion.core.messages import Pose, Quaternion, Vector3
 from companion.errors import CompanionError
 from companion.pose.autopilot import turned
 from companion.pose.port import PoseSink
+from companion.pose.trajectory_columns import TrajectoryError
+from companion.pose.trajectory_file import read_trajectory_file
 
 _log = logging.getLogger(__name__)
-_MAX_OLDER = 0.1
-"""Share of poses whose clock may have stepped back, as it did in some of the data sets: those are left out."""
-_TUM_COLUMNS = 8
-_CSV_COLUMNS = 9
-_CSV_PLACE_COLUMNS = 5
 _LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -32,7 +26,7 @@ class _Row:
     q_wxyz: Quaternion
 
 
-class RecordedPoses:
+class FilePoses:
     """Plays a file from its first pose, stamped from now on. Raises CompanionError naming the file and the line."""
 
     def __init__(self, path: Path, clock: Clock, on_pose: PoseSink) -> None:
@@ -73,58 +67,15 @@ def _velocity(before: _Row | None, row: _Row) -> Vector3:
 def _read(path: Path) -> tuple[list[_Row], bool]:
     """The rows, and whether they have attitudes."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CompanionError(f"pose.recording {path}: cannot be read: {error}") from None
-    table = list(_parsed(path, text))
-    if len(table) < 2:
-        raise CompanionError(f"pose.recording {path}: {len(table)} poses, expected a trajectory")
-    rows, older = [_row(table[0])], list[int]()
-    for number, row in enumerate(map(_row, table[1:]), start=2):
-        if row.t_s < rows[-1].t_s:
-            older.append(number)
-        else:
-            rows.append(row)
-    if len(older) > _MAX_OLDER * len(table):
-        raise CompanionError(
-            f"pose.recording {path}: pose {older[0]} is older than the one before it, and so are {len(older)} of "
-            f"{len(table)}; expected them in order of time"
-        )
-    if older:
-        _log.warning("pose.recording %s: %d poses left out, whose clock stepped back", path, len(older))
-    return rows, len(table[0]) != _CSV_PLACE_COLUMNS
+        file = read_trajectory_file(path)
+    except TrajectoryError as error:
+        raise CompanionError(f"pose.recording {error}") from None
+    for note in file.notes:
+        _log.warning("pose.recording %s", note)
+    turns = [_LEVEL] * len(file.t_s) if file.q_wxyz is None else [_quaternion(*q) for q in file.q_wxyz.tolist()]
+    rows = zip(file.t_s.tolist(), file.p_m.tolist(), turns, strict=True)
+    return [_Row(t_s, (x, y, z), q_wxyz) for t_s, (x, y, z), q_wxyz in rows], file.q_wxyz is not None
 
 
-def _parsed(path: Path, text: str) -> Iterator[list[float]]:
-    """The numbers of each row, all of one width: TUM's, or the CSV's with or without attitudes."""
-    wanted = 0
-    for number, line in enumerate(text.splitlines(), start=1):
-        line = line.strip()
-        if not line or line.startswith("#") or (number == 1 and line[0].isalpha()):
-            continue  # comments and headings
-        is_csv = "," in line
-        fields = [field for field in (line.split(",") if is_csv else line.split()) if field.strip()]
-        if not wanted:
-            is_place = is_csv and len(fields) == _CSV_PLACE_COLUMNS
-            wanted = (_CSV_PLACE_COLUMNS if is_place else _CSV_COLUMNS) if is_csv else _TUM_COLUMNS
-        try:
-            values = [float(field) for field in fields][:wanted]
-            if len(values) < wanted or not all(map(math.isfinite, values)):
-                raise ValueError
-        except ValueError:
-            raise CompanionError(
-                f"pose.recording {path}: line {number}: expected {wanted} finite numbers, got {line[:60]!r}"
-            ) from None
-        yield values
-
-
-def _row(values: list[float]) -> _Row:
-    if len(values) == _TUM_COLUMNS:
-        t_s, x, y, z, *attitude = values
-    else:
-        seconds, nanoseconds, x, y, z, *attitude = values
-        t_s = seconds + nanoseconds * 1e-9
-    if not attitude:
-        return _Row(t_s, (x, y, z), _LEVEL)
-    qx, qy, qz, qw = attitude
-    return _Row(t_s, (x, y, z), (qw, qx, qy, qz))
+def _quaternion(w: float, x: float, y: float, z: float) -> Quaternion:
+    return w, x, y, z

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
+from collections import deque
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.pose.port import PoseSink
 from wsr import frames
+
+_log = logging.getLogger(__name__)
+_LEFT: Final = 8
+"""Sessions that are remembered as over."""
+_SILENT_NS: Final = NS_PER_S
 
 
 class BodyFrame:
@@ -45,6 +54,10 @@ class PoseSource:
         self._frame = BodyFrame(north_yaw_rad)
         self._on_pose = on_pose
         self._session: int | None = None
+        self._left: deque[int] = deque(maxlen=_LEFT)
+        self._newest_ns = 0
+        self.strangers = 0
+        """Datagrams of a reader beside the one whose poses are taken."""
         self.received = 0
         self.malformed = 0
         self.resets = 0
@@ -81,8 +94,26 @@ class PoseSource:
         except wire.PoseWireError:
             self.malformed += 1
             return
-        if self._session is not None and raw.session != self._session:
-            self.resets += 1
-        self._session = raw.session
+        if raw.session != self._session and not self._begin(raw):
+            return
+        self._newest_ns = raw.t_mono_ns
         self.received += 1
         self._on_pose(self._frame.pose(raw))
+
+    def _begin(self, raw: wire.RawPose) -> bool:
+        """Another session: a reader that began anew, or, where one comes back that had been left for another, two
+        readers at once. Then the later one is kept, while it sends."""
+        if raw.session in self._left and abs(raw.t_mono_ns - self._newest_ns) < _SILENT_NS:
+            if not self.strangers:
+                _log.warning(
+                    "%s: two camera readers send to it; the later one's poses are taken, the other's left out: end "
+                    "one of them (pose.reader_command starts one, systemd may start another)",
+                    self._path,
+                )
+            self.strangers += 1
+            return False
+        if self._session is not None:
+            self.resets += 1
+            self._left.append(self._session)
+        self._session = raw.session
+        return True

@@ -7,29 +7,29 @@ the last librealsense with T265 support (2.53.1) has wheels. It contains that ca
 or no pose has come for some seconds it ends with code 1, and who started it (systemd, or the service) starts it again.
 
 Pose jumping and relocalisation are switched off: a map correction in flight would be a jump of the aperture and, where
-poses are forwarded, of the vehicle. Times are the device's, put on CLOCK_MONOTONIC by the shortest delay seen.
+poses are forwarded, of the vehicle. Times are the device's, put on CLOCK_MONOTONIC by the shortest delay of late.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import signal
 import socket
 import sys
 import time
+from collections import deque
 from types import FrameType
-from typing import Any, Optional
+from typing import Any, Deque, Optional  # noqa: UP035 - this file also runs where typing is older
 
 from companion.pose import wire
 
 _SILENT_S = 3.0
 _WAIT_MS = 250
 _QUEUE_FRAMES = 64
-_DRIFT = 1e-4
-"""How fast the offset between the clocks may grow: crystals are within 50 ppm of each other."""
-_STEP_NS = 250_000_000
-_STEPS = 50
+_FRAMES = 150
+"""Three quarters of a second, and more than the queue holds."""
 
 
 class ReaderError(Exception):
@@ -37,34 +37,34 @@ class ReaderError(Exception):
 
 
 class DeviceClock:
-    """The device's milliseconds on the host's monotonic clock: the smallest delay between the two is the offset.
+    """The device's milliseconds on the host's monotonic clock: the smallest delay of late is the offset between them.
 
-    A step of the device's time (librealsense may follow the wall clock) is followed after `_STEPS` frames.
+    librealsense lets the device's time follow the wall clock, which NTP slews and steps. Only the newest `_FRAMES`
+    frames count, so that any change is followed within a second; a step back, of which no smaller delay would tell,
+    shows in a time older than that of the frame before, and is followed at once. Counted in frames, not in seconds:
+    frames that waited in the queue while the host stood still would push out all that knew better.
     """
 
     def __init__(self) -> None:
-        self._offset_ns: Optional[int] = None  # noqa: UP045 - this file also runs where typing is older
-        self._before_ns = 0
-        self._strange = 0
+        self._offsets_ns: Deque[int] = deque(maxlen=_FRAMES)  # noqa: UP006 - this file also runs where typing is older
+        self._before_ns: Optional[int] = None  # noqa: UP045
+        self.steps = 0
+        """Times the device's clock went back."""
+        self.step_ns = 0
+        """By how much, at least, when it did so last."""
 
     def monotonic_ns(self, device_ms: float, arrival_ns: int) -> int:
+        """Never later than the arrival, and never negative, whatever the device says."""
+        if not math.isfinite(device_ms):
+            return arrival_ns
         device_ns = round(device_ms * 1e6)
-        offset_ns = arrival_ns - device_ns
-        known_ns = self._offset_ns
-        if known_ns is None:
-            known_ns = offset_ns
-        elif abs(offset_ns - known_ns) > _STEP_NS:
-            self._strange += 1
-            if self._strange < _STEPS:
-                return min(arrival_ns, device_ns + known_ns) if offset_ns > known_ns else arrival_ns
-            known_ns = offset_ns
-        else:
-            self._strange = 0
-            grown_ns = known_ns + round(_DRIFT * (arrival_ns - self._before_ns))
-            known_ns = min(offset_ns, grown_ns)
-        self._strange = 0
-        self._before_ns, self._offset_ns = arrival_ns, known_ns
-        return device_ns + known_ns
+        if self._before_ns is not None and device_ns < self._before_ns:
+            self.steps += 1
+            self.step_ns = self._before_ns - device_ns
+            self._offsets_ns.clear()
+        self._before_ns = device_ns
+        self._offsets_ns.append(arrival_ns - device_ns)
+        return max(0, min(arrival_ns, device_ns + min(self._offsets_ns)))
 
 
 def open_pose_sensor(rs: Any, device: Any) -> Any:
@@ -102,6 +102,7 @@ class Reader:
         self._path = path
         self._session = session
         self._clock = DeviceClock()
+        self._told = 0
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self.sent = 0
@@ -119,7 +120,21 @@ class Reader:
                     raise ReaderError(f"no pose for {_SILENT_S:g} s; the camera hangs or was unplugged") from None
                 continue
             newest_ns = time.monotonic_ns()
-            self._send(raw_pose(frame, self._clock.monotonic_ns(frame.get_timestamp(), newest_ns), self._session))
+            t_ns = self._clock.monotonic_ns(frame.get_timestamp(), newest_ns)
+            self._tell_steps()
+            self._send(raw_pose(frame, t_ns, self._session))
+
+    def _tell_steps(self) -> None:
+        if self._clock.steps > self._told:
+            if not self._told:
+                step_ms = self._clock.step_ns / 1e6
+                print(
+                    f"t265_reader: the camera's clock stepped back by {step_ms:.1f} ms, with the host's wall clock; "
+                    "followed, as any further one",
+                    file=sys.stderr,
+                    flush=True,
+                )
+            self._told = self._clock.steps
 
     def _send(self, pose: wire.RawPose) -> None:
         try:

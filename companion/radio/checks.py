@@ -17,6 +17,7 @@ from companion.radio.nl80211 import channel_mhz
 from companion.radio.opening import macs, open_csi
 from companion.radio.pinger import MONITOR
 from csi_bridge.netlink import ConnectorProbe, connector_available
+from wsr.channel import channel_frequency_hz
 
 _LOG_CSI: Final = 0x01
 _MIN_RATE_HZ: Final = 40.0
@@ -135,7 +136,7 @@ def _interface(config: Config, system: System) -> Iterator[Check]:
 
 
 def _channel(config: Config, name: str) -> Check:
-    wanted = 5000 + 5 * config.csi.channel
+    wanted = round(channel_frequency_hz(config.csi.channel) / 1e6)
     try:
         found = channel_mhz(name)
     except OSError as error:

@@ -16,7 +16,7 @@ from wsr.geometry import direction as unit_vector
 from wsr.geometry import great_circle, wrap_angle
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BearingRow:
     """One iteration for one peer; None where the side has no bearing. Angles in degrees."""
 
@@ -98,17 +98,17 @@ def _row(
                 great_circle(unit_vector(a.azimuth_rad, a.polar_rad), unit_vector(b.azimuth_rad, b.polar_rad))
             )
     return BearingRow(
-        one.peer,
-        (one.reference_ns - start_ns) / 1e9,
-        math.degrees(a.azimuth_rad) if a else None,
-        math.degrees(b.azimuth_rad) if b else None,
-        None if moved is None else math.degrees(moved),
-        a.reliability if a else None,
-        b.reliability if b else None,
-        _error_deg(old, truth),
-        _error_deg(new, truth),
-        old.refusal if old else "",
-        new.refusal if new else "",
+        peer=one.peer,
+        t_s=(one.reference_ns - start_ns) / 1e9,
+        recorded_azimuth_deg=math.degrees(a.azimuth_rad) if a else None,
+        replayed_azimuth_deg=math.degrees(b.azimuth_rad) if b else None,
+        moved_deg=None if moved is None else math.degrees(moved),
+        recorded_reliability=a.reliability if a else None,
+        replayed_reliability=b.reliability if b else None,
+        recorded_error_deg=_error_deg(old, truth),
+        replayed_error_deg=_error_deg(new, truth),
+        recorded_refusal=old.refusal if old else "",
+        replayed_refusal=new.refusal if new else "",
     )
 
 

@@ -49,17 +49,17 @@ def _version_2(body: bytes) -> wire.Datagram:
     nic = csi_rows["nic"].astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
     later_us = nic & ((1 << _NIC_BITS) - 1)
     return wire.Datagram(
-        wire.Role(role),
-        sender,
-        boot_id,
-        counter,
-        sent_ns,
-        wire.PoseBatch(
+        role=wire.Role(role),
+        sender=sender,
+        boot_id=boot_id,
+        counter=counter,
+        sent_ns=sent_ns,
+        poses=wire.PoseBatch(
             sent_ns - (pose_rows["age"] >> 2).astype(np.int64) * _NS_PER_AGE,
             (np.array(base) + pose_rows["dp"]) * _METRES_PER_UNIT,
             (pose_rows["age"] & 3).astype(np.uint8),
         ),
-        wire.CsiBatch(
+        csi=wire.CsiBatch(
             (frame + csi_rows["frame"].astype(np.int64)).astype(np.uint32),
             sent_ns + (later_us - age_us) * 1000,
             (nic_us + later_us).astype(np.uint32),
@@ -68,7 +68,7 @@ def _version_2(body: bytes) -> wire.Datagram:
             csi_rows["power"].copy(),
             (nic >> _NIC_BITS).astype(np.uint8),
         ),
-        bool(flags & 1),
+        counted=bool(flags & 1),
     )
 
 

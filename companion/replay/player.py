@@ -135,7 +135,14 @@ class Player:
         self._inputs = RecordedInputs()
         self._autopilot = RecordedAutopilot()
         self._commands: RecordedCommands | None = None
-        self._surroundings = Surroundings(0, "", False, 0, False, 0.0)
+        self._surroundings = Surroundings(
+            t_mono_ns=0,
+            autopilot_problem="",
+            parameters_checked=False,
+            bad_signatures=0,
+            recorder_failed=False,
+            free_mib=0.0,
+        )
         self.worker = RecordedWorker(config.aperture.estimator, self._clock)
         self._uav: Uav | None = None
         self._config = config
@@ -182,14 +189,14 @@ class Player:
 
     def _build(self) -> Uav:
         return Uav(
-            self._config,
-            self._clock,
-            self.log,
-            self._inputs,
-            lambda node: self._autopilot,
-            lambda on_result, on_ready: self.worker,
-            self._make_commands,
-            lambda: self._surroundings,
+            config=self._config,
+            clock=self._clock,
+            recorder=self.log,
+            inputs=self._inputs,
+            make_autopilot=lambda odometry: self._autopilot,
+            worker=self.worker,
+            make_commands=self._make_commands,
+            look=lambda: self._surroundings,
         )
 
     def _make_commands(self, autopilot: Autopilot, clock: Clock, report: Report) -> FlightCommands:
@@ -225,12 +232,13 @@ class Player:
         elif topic == NEIGHBOUR.topic:
             uav.node.take_datagram(resigned(data, REPLAY_KEY))
         elif topic == TICK.topic:
-            uav.flight.tick(msgspec.json.decode(data, type=Tick).t_mono_ns)
+            tick = msgspec.json.decode(data, type=Tick)
+            uav.flight.tick(tick.t_mono_ns, tick.slept_s)
         elif topic == SECOND.topic:
             uav.node.each_second()
         elif topic == WISH.topic:
             wish = msgspec.json.decode(data, type=Wish)
-            uav.flight.take_wish(wish.wish, wish.refusal, wish.by_switch)
+            uav.flight.wishes.answer(wish.wish, wish.refusal, wish.by_switch)
         elif topic == WORKER.topic:
             is_ready = msgspec.json.decode(data, type=WorkerState).is_ready
             (self.worker.ready.set if is_ready else self.worker.ready.clear)()
@@ -241,7 +249,7 @@ class Player:
 
     def _hand_over(self, result: AoaResult | None) -> None:
         if result is not None:
-            self.uav.take_answer(result)
+            self.uav.sar.take_answer(result)
 
     def _learn_latencies(self) -> None:
         """How long after the tick that ended its aperture each answer came: the n-th answer is to the n-th aperture."""

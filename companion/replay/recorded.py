@@ -23,7 +23,6 @@ from companion.errors import CompanionError
 from companion.flight.commands import Command, FlightCommands, Report
 from companion.host.child import tied
 from companion.neighbours.boots import Book
-from companion.pose.intake import PoseIntake
 from companion.pose.port import Poses, PoseSink
 from companion.sensing.worker_process import ONE_THREAD
 from companion.sensing.worker_wire import LENGTH, READY_ID, AoaResult, frame, request_of
@@ -119,8 +118,7 @@ class RecordedInputs:
     def open_csi(self) -> CsiSource:
         return self.csi
 
-    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
-        intake.bind(self.poses)
+    def open_poses(self, clock: Clock, sink: PoseSink) -> Poses:
         return self.poses
 
     def open_book(self) -> Book:
@@ -139,7 +137,7 @@ class RecordedAutopilot:
     problem = ""
 
     def __init__(self) -> None:
-        self.seen = VehicleState(0)
+        self.seen = VehicleState(t_mono_ns=0)
         self.send_failure = ""
         """Why no set point can be sent in this event; empty when it can."""
 
@@ -152,6 +150,9 @@ class RecordedAutopilot:
             raise AutopilotError(self.send_failure)
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None:
+        """Goes nowhere."""
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None:
         """Goes nowhere."""
 
     def take_events(self) -> list[AutopilotEvent]:

@@ -17,13 +17,17 @@ from companion.config.schema import Config
 from companion.core.clock import NS_PER_S
 from companion.core.streams import HEALTH
 from companion.errors import CompanionError
+from companion.host.whole_file import whole_file
 from companion.log.encoding import schema_of
+from companion.log.info import dropped_of
 from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.writer import LogWriter
 from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Decided, InputEvent, Player
 
+_LONGEST_WAIT_S = 60.0
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayResult:
     """Both sides in the order of decision. `unexpected` counts outcomes and answers that nothing had asked for."""
 
@@ -86,14 +90,14 @@ class Replay:
         end = self._last if self._is_cut else self._last + 1
         player = self._player
         return ReplayResult(
-            [message for message in self._recorded if message.sequence < end],
-            [one for one in player.log.decided if one.event < end],
-            self._events,
-            self._start_ns,
-            (self._end_ns - self._start_ns) / NS_PER_S,
-            player.unexpected,
-            self._dropped,
-            self._is_cut,
+            recorded=[message for message in self._recorded if message.sequence < end],
+            decided=[one for one in player.log.decided if one.event < end],
+            events=self._events,
+            start_ns=self._start_ns,
+            flight_s=(self._end_ns - self._start_ns) / NS_PER_S,
+            unexpected=player.unexpected,
+            dropped_while_recording=self._dropped,
+            is_cut=self._is_cut,
         )
 
     def _messages(self) -> Iterator[LoggedMessage]:
@@ -104,7 +108,7 @@ class Replay:
             if message.topic in DECISION_TOPICS:
                 self._recorded.append(message)
             elif message.topic == HEALTH.topic:
-                self._dropped = int(msgspec.json.decode(message.data)["recorder"].get("dropped", 0))
+                self._dropped = dropped_of(message.data, self._dropped)
             yield message
 
     def _note_cut(self, path: Path) -> None:
@@ -119,7 +123,11 @@ def replay_log(player: Player, session: Session, speed: float | None, progress: 
     for event in replay.events():
         if speed is not None:
             first_ns = event.t_ns if first_ns is None else first_ns
-            time.sleep(max(0.0, begun + (event.t_ns - first_ns) / NS_PER_S / speed - time.monotonic()))
+            wait_s = begun + (event.t_ns - first_ns) / NS_PER_S / speed - time.monotonic()
+            if wait_s > _LONGEST_WAIT_S:  # a time that jumped: the rest is paced from there
+                first_ns, begun = event.t_ns, time.monotonic()
+                wait_s = 0.0
+            time.sleep(max(0.0, wait_s))
     return replay.result()
 
 
@@ -127,7 +135,7 @@ def write_log(path: Path, session: Session, config: Config, result: ReplayResult
     """What the replay decided, as a log of its own. Raises OSError."""
     metadata = dict(session.metadata) | {"role": "replay", "config": json.dumps(msgspec.to_builtins(config))}
     offset_ns = session.wall_minus_mono_ns
-    with path.open("wb") as file:
+    with whole_file(path) as file:
         writer = LogWriter(file, metadata)
         for one in result.decided:
             write_decided(writer, one, offset_ns)

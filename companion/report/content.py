@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -31,6 +32,7 @@ from companion.flight.records import SERVICE_ENDS
 from companion.log.foxglove import power_of
 from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.records import LoggedIteration, TruthTrack
+from companion.log.times import main_span_ns, per_second
 from companion.log.truths import truth_of
 
 Floats = npt.NDArray[np.float64]
@@ -56,6 +58,8 @@ class FlightContent:
     start_ns: int = 0
     duration_s: float = 0.0
     is_whole: bool = True
+    left_out: int = 0
+    """Messages of another time altogether: of a clock that was not set."""
     iterations: list[LoggedIteration] = field(default_factory=list)
     profiles: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
     """By the number of the iteration."""
@@ -82,16 +86,28 @@ class FlightContent:
 
     def rate(self, topic: str) -> tuple[Floats, Floats]:
         """Seconds since the start and messages a second in each; what is left at the end is no whole second."""
-        edges = np.arange(0.0, max(1.0, np.floor(self.duration_s)) + 1)
-        counts, _ = np.histogram(self.arrivals_s.get(topic, []), edges)
-        return edges[:-1], counts.astype(float)
+        return per_second(self.arrivals_s.get(topic, []), self.duration_s)
 
 
 def gather(session: Session, progress: Progress | None = None) -> FlightContent:
     """Raises CompanionError for an unreadable log."""
+    times_ns = array("Q")
+    content = _gather(session, progress, None, times_ns)
+    span = main_span_ns(times_ns)
+    return content if span is None else _gather(session, progress, span, array("Q"))
+
+
+def _gather(
+    session: Session, progress: Progress | None, span_ns: tuple[int, int] | None, times_ns: array[int]
+) -> FlightContent:
+    """Of the messages within a span, and all their times."""
     content = FlightContent(session, session.config())
     last_bearing: int | None = None
     for message in session.messages(None, progress, lambda path: setattr(content, "is_whole", False)):
+        times_ns.append(message.log_time_ns)
+        if span_ns is not None and not span_ns[0] <= message.log_time_ns <= span_ns[1]:
+            content.left_out += 1
+            continue
         content.start_ns = content.start_ns or message.log_time_ns
         t_s = (message.log_time_ns - content.start_ns) / 1e9
         content.duration_s = max(content.duration_s, t_s)

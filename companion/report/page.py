@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import yaml
 
-from companion.analysis.imported import Scene
+from companion.analysis.imported import ImportedScene
 from companion.analysis.result import LinkResult, RunResult
-from companion.analysis.tables import note_lines, problem_lines
+from companion.analysis.summary import note_lines, problem_lines
 from companion.log.reader import Session
 from companion.report import pictures
 from companion.report.content import FlightContent
@@ -48,7 +48,7 @@ def flight_page(content: FlightContent) -> str:
     return _page(f"Flight of {content.config.name}", _summary(session, _flight_facts(content)), sections)
 
 
-def recording_page(session: Session, scene: Scene, result: RunResult, path_png: bytes) -> str:
+def recording_page(session: Session, scene: ImportedScene, result: RunResult, path_png: bytes) -> str:
     """The page of an imported recording."""
     estimated = [link for link in result.links if link.estimate is not None and link.profile is not None]
     tiles = [(link.name, link.profile.power, _found(link), _truth(link)) for link in estimated if link.profile]
@@ -88,6 +88,8 @@ def _flight_facts(content: FlightContent) -> list[tuple[str, str]]:
         ("last state", content.states[-1][1] if content.states else "idle"),
         ("messages dropped while recording", str(dropped)),
     ]
+    if content.left_out:
+        facts.append(("left out", f"{content.left_out} messages of another time, of a clock that was not set"))
     return facts if content.is_whole else [*facts, ("file", "cut off: what stands before the cut is shown")]
 
 

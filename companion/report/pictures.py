@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from companion.analysis.exchanges import PacketTimes
 from companion.core.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
+from companion.log.times import bin_edges_s, main_span_ns
 from companion.report.content import FlightContent
 from wsr.geometry import direction, great_circle
 
@@ -183,7 +184,8 @@ def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
     them was paired, and used for its aperture; PNG. Where the host's clock was set meanwhile, of the longer part."""
     figure, (packets, pairs, used) = _figure(9, 7, 3)
     heard_s = _without_steps(np.concatenate([times.heard_s for _, times in links]))
-    edges_s = heard_s[0] + np.arange(0.0, max(1.0, np.floor(np.ptp(heard_s))) + 1)
+    heard_s = _of_one_time(heard_s)
+    edges_s = heard_s[0] + bin_edges_s(np.ptp(heard_s))
     for (name, times), (shade, style) in zip(links, itertools.cycle(_LINES), strict=False):
         counts = [np.histogram(t_s, edges_s)[0] for t_s in (times.heard_s, times.paired_s, times.used_s)]
         of_heard = 100 / np.where(counts[0] > 0, counts[0], math.nan)
@@ -195,6 +197,14 @@ def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
     pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired")
     used.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="used: paired, while there were poses")
     return _png(figure)
+
+
+def _of_one_time(t_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Without what is of another time altogether, of a clock that was not set."""
+    span_ns = main_span_ns((np.maximum(t_s, 0) * 1e9).astype(np.uint64).tolist())
+    if span_ns is None:
+        return t_s
+    return t_s[(t_s * 1e9 >= span_ns[0] - 1e3) & (t_s * 1e9 <= span_ns[1] + 1e3)]
 
 
 def _without_steps(t_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

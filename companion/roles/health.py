@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
     """Counters and ages of every input, once a second."""
 
@@ -25,3 +25,5 @@ class Health:
     lookalikes: tuple[tuple[str, str], ...] = ()
     """Pairs of neighbours whose profiles cannot be told apart."""
     card_clock: dict[str, float] = field(default_factory=dict)
+    network_problem: str = ""
+    """Why robots cannot be heard or reached; empty while they can."""

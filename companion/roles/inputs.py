@@ -8,7 +8,6 @@ from companion.config.schema import Config
 from companion.core.clock import Clock
 from companion.neighbours.boots import Book, BootBook
 from companion.neighbours.keys import read_key
-from companion.pose.intake import PoseIntake
 from companion.pose.opening import open_poses
 from companion.pose.port import Poses, PoseSink
 from companion.radio.opening import open_csi
@@ -21,8 +20,8 @@ class Inputs(Protocol):
 
     def open_csi(self) -> CsiSource: ...
 
-    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
-        """The source of poses, bound to the intake; each pose goes to `sink`."""
+    def open_poses(self, clock: Clock, sink: PoseSink) -> Poses:
+        """The source of poses; each pose goes to `sink`."""
 
     def open_book(self) -> Book: ...
 
@@ -41,8 +40,8 @@ class LiveInputs:
     def open_csi(self) -> CsiSource:
         return open_csi(self._config)
 
-    def open_poses(self, clock: Clock, intake: PoseIntake, sink: PoseSink) -> Poses:
-        return open_poses(self._config, clock, intake, sink)
+    def open_poses(self, clock: Clock, sink: PoseSink) -> Poses:
+        return open_poses(self._config, clock, sink)
 
     def open_book(self) -> Book:
         return BootBook(self._config.path(self._config.state_dir))

@@ -8,12 +8,14 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, Clock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import BookState, Tick
 from companion.core.messages import Pose, pose_bytes
+from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
+from companion.host.ending import Parts
 from companion.neighbours import wire
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
@@ -26,7 +28,7 @@ from companion.radio.opening import macs
 from companion.radio.pinger import Pinger
 from companion.radio.traffic import Traffic
 from companion.roles.health import Health
-from companion.roles.inputs import Inputs, LiveInputs
+from companion.roles.inputs import Inputs
 from companion.sensing.lookalikes import Lookalikes
 from wsr.displacement import antenna_positions
 
@@ -34,7 +36,8 @@ _POSES_SHOWN_HZ = 50.0
 
 
 class Node:
-    """Opens the inputs of `config` and fans them out. `on_sample` and `on_pose` are called on the event loop.
+    """Opens the inputs of `config`. `samples` gives each packet's channel, `poses` each pose that can be used, on the
+    event loop.
 
     Each of `take_csi`, `take_pose`, `take_datagram` and `each_second` handles one event: a replay calls them as the
     loop does, on `inputs` of a log.
@@ -43,17 +46,15 @@ class Node:
     def __init__(
         self,
         config: Config,
-        clock: Clock,
+        clock: EventClock,
         recorder: Recorder,
-        on_sample: Callable[[ChannelSample], None],
-        on_pose: Callable[[Pose], None],
-        inputs: Inputs | None = None,
+        inputs: Inputs,
     ) -> None:
-        inputs = inputs or LiveInputs(config)
         self.config = config
-        self.clock = clock = EventClock.over(clock)
+        self.clock = clock
         self.recorder = recorder
-        self._on_pose = on_pose
+        self.samples = Output[ChannelSample]()
+        self.poses = Output[Pose]()
         names = {peer.id: peer.name for peer in config.peers}
         own_key = inputs.key(config.neighbours.key_file)
         is_uav = config.role == "uav"
@@ -71,33 +72,42 @@ class Node:
         self.receiver = NeighbourReceiver(
             config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav, on_accepted=self.sender.add_heard
         )
-        self.lookalikes = Lookalikes(names)
-        self._on_sample = on_sample
+        self.lookalikes = Lookalikes(names, config.neighbours.refuse_lookalikes)
         self._source = inputs.open_csi()
-        self.radio = Radio(self._source, macs(config), clock, self._take_sample, self._record_csi)
+        self.radio = Radio(self._source, macs(config), clock, self.samples.give, self._record_csi)
         self._pinger: Pinger | None = inputs.open_pinger(clock)
         self._link: Link | None = None
         self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
-        self.intake = PoseIntake(config.pose, clock, self._take_pose)
-        self._poses = inputs.open_poses(clock, self.intake, self.take_pose)
+        self._pose_source = inputs.open_poses(clock, self.take_pose)
+        self.intake = PoseIntake(config.pose, clock, self._pose_source, self.poses.give)
         self._reader = ReaderProcess(config.pose.reader_command, clock, self.intake.silence_s)
         self._pose_shown_ns = 0
+        self.samples.connect(self._note_exchange)
+        self.poses.connect(self._show_pose, self._share_pose)
 
-    async def run(self) -> None:
-        """Reads until cancelled, then closes what it opened."""
+    def open(self) -> None:
+        """What was not opened at the beginning. Raises CompanionError when it cannot be had."""
+        self._link = Link(self.config)
+        self._reader.check()
+
+    async def run(self, begin_end: Callable[[BaseException], None] = lambda error: None) -> None:
+        """Reads until cancelled, then closes what it opened. `begin_end` is told at once when a part fails."""
         loop = asyncio.get_running_loop()
-        self._link = link = Link(self.config)
+        if self._link is None:
+            self.open()
+        link = self._link
+        assert link is not None
         readers: list[tuple[int, Callable[[], None]]] = [
-            (link.fileno(), self._drain_link),
             (self._source.fileno(), self.take_csi),
         ]
         if self._pinger is not None:
             readers += [(self._pinger.fileno(), self._pinger.drain)]
+        link.attach(loop, self._drain_link)
         for fileno, drain in readers:
             loop.add_reader(fileno, drain)
         try:
-            async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._poses.run(), name="poses")
+            async with Parts(begin_end) as tasks:
+                tasks.create_task(self._pose_source.run(), name="poses")
                 if self.config.pose.reader_command:
                     tasks.create_task(self._reader.run(), name="pose reader")
                 tasks.create_task(self._broadcast(link), name="broadcast")
@@ -107,16 +117,21 @@ class Node:
         finally:
             for fileno, _ in readers:
                 loop.remove_reader(fileno)
-            link.close()
-            self._source.close()
-            self._poses.close()
-            if self._pinger is not None:
-                self._pinger.close()
-            self.book.close()
+            self.close()
+
+    def close(self) -> None:
+        """All that is open, sockets with their files. Harmless when repeated."""
+        if self._link is not None:
+            self._link.close()
+        self._source.close()
+        self._pose_source.close()
+        if self._pinger is not None:
+            self._pinger.close()
+        self.book.close()
 
     def odometry_sink(self) -> Callable[[Pose], None] | None:
         """What takes the autopilot's own odometry, where that is the source of poses."""
-        return self._poses.offer if isinstance(self._poses, AutopilotPoses) else None
+        return self._pose_source.offer if isinstance(self._pose_source, AutopilotPoses) else None
 
     def take_csi(self) -> None:
         """The card has records."""
@@ -126,7 +141,7 @@ class Node:
     def take_pose(self, pose: Pose) -> None:
         """The source gives a pose."""
         with self.clock.event():
-            resets = self._poses.resets.to_bytes(4, "little")
+            resets = self._pose_source.resets.to_bytes(4, "little")
             self.recorder.record(POSE_IN, pose.t_mono_ns, pose_bytes(pose) + resets)
             self.intake.take(pose)
 
@@ -146,12 +161,8 @@ class Node:
             for neighbour in self.receiver.neighbours.values():
                 neighbour.relate_uncounted(now_ns)
 
-    def pose_age_s(self) -> float:
-        """Since the newest usable pose; infinite before the first."""
-        return self.intake.age_s()
-
     def health(self) -> Health:
-        now_ns = self.clock.now_ns()
+        now_ns, pose_age_s = self.clock.now_ns(), self.intake.age_s()
         link = asdict(self.receiver.counters) | {
             "dropped": self.sender.dropped,
             "thinned": self.sender.thinned,
@@ -160,27 +171,34 @@ class Node:
             "boots_unwritten": int(self.book.failed),
         }
         return Health(
-            now_ns,
-            asdict(self.radio.counters),
-            asdict(self._source.counters),
-            None if math.isinf(self.pose_age_s()) else self.pose_age_s(),
-            self.intake.report(),
-            link,
-            {n.name: n.health(now_ns) for n in self.receiver.neighbours.values()},
-            self.recorder.counters(),
-            self.radio.antenna_power(),
-            {} if self._pinger is None else self._pinger.health(),
-            self._traffic.bytes_per_s(now_ns),
-            self.lookalikes.pairs(),
-            {"resets": self.radio.nic_clock.resets, "span_s": self.radio.nic_clock.span_s},
+            t_mono_ns=now_ns,
+            radio=asdict(self.radio.counters),
+            source=asdict(self._source.counters),
+            pose_age_s=None if math.isinf(pose_age_s) else pose_age_s,
+            poses=self.intake.report(),
+            link=link,
+            neighbours={n.name: n.health(now_ns) for n in self.receiver.neighbours.values()},
+            recorder=self.recorder.counters(),
+            antenna_dbm=self.radio.antenna_power(),
+            ping={} if self._pinger is None else self._pinger.health(),
+            interfaces=self._traffic.bytes_per_s(now_ns),
+            lookalikes=self.lookalikes.pairs(),
+            card_clock={"resets": self.radio.nic_clock.resets, "span_s": self.radio.nic_clock.span_s},
+            network_problem=self.network_problem(),
         )
+
+    def network_problem(self) -> str:
+        """Why robots cannot be heard or reached; empty while they can."""
+        return "" if self._link is None else self._link.problem
 
     async def _broadcast(self, link: Link) -> None:
         period_ns = round(NS_PER_S / self.config.neighbours.rate_hz)
         while True:
             await self.clock.sleep_until_ns(self.clock.now_ns() + period_ns)
+            link.watch(self.clock.now_ns())
             for datagram in self.sender.datagrams(self.clock.now_ns()):
-                link.send(datagram)
+                if not link.send(datagram):
+                    self.sender.note_unsent(datagram)
 
     async def _report_health(self) -> None:
         while True:
@@ -189,18 +207,20 @@ class Node:
             health = self.health()
             self.recorder.record(HEALTH, health.t_mono_ns, health)
 
-    def _take_pose(self, pose: Pose) -> None:
+    def _show_pose(self, pose: Pose) -> None:
+        """For viewers, who need not see them all."""
         if pose.t_mono_ns - self._pose_shown_ns >= NS_PER_S / _POSES_SHOWN_HZ:
             self._pose_shown_ns = pose.t_mono_ns
             self.recorder.record(POSE, pose.t_mono_ns, pose)
+
+    def _share_pose(self, pose: Pose) -> None:
+        """Where our antenna was goes out with the next datagram."""
         if self.sender.wants_pose(pose.t_mono_ns):
             antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
             self.sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
-        self._on_pose(pose)
 
-    def _take_sample(self, sample: ChannelSample) -> None:
+    def _note_exchange(self, sample: ChannelSample) -> None:
         self.receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
-        self._on_sample(sample)
 
     def _drain_link(self) -> None:
         assert self._link is not None

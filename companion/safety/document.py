@@ -1,12 +1,11 @@
-"""The generated parts of docs/safety.md: hand moves, mission, faults and required parameters.
+"""The generated parts of docs/mission.md (states, faults) and docs/vehicle.md (hand moves, required parameters).
 
-`python -m companion.safety.document docs/safety.md` renews them.
+`python -m companion.safety.document` renews them.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -18,7 +17,9 @@ from companion.pose.hand_moves import MOVES, HandMove, expected_enu_m
 from companion.safety.fault_table import FAULTS
 from companion.safety.preflight import REQUIREMENTS
 
-PARTS: Final = ("axes", "mission", "faults", "parameters")
+PARTS: Final = {"mission.md": ("mission", "faults"), "vehicle.md": ("axes", "parameters")}
+"""The generated parts of each document."""
+_DOCS: Final = Path(__file__).resolve().parents[2] / "docs"
 _AXES: Final = ("East", "North", "Up")
 _NOSES_RAD: Final = {"North": math.pi / 2, "East": 0.0}
 
@@ -41,20 +42,20 @@ def table_markdown() -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def renewed(document: str) -> str:
-    """The document with its generated parts replaced. Raises CompanionError when the markers of one are missing."""
+def renewed(name: str, document: str) -> str:
+    """The document of that name with its parts replaced. Raises CompanionError when the markers of one are missing."""
     texts = {
         "axes": axes_markdown(),
         "mission": f"```mermaid\n{mermaid()}\n```\n\n{table_markdown()}",
         "faults": faults_markdown(),
         "parameters": parameters_markdown(),
     }
-    for part in PARTS:
+    for part in PARTS[name]:
         begin, end = f"<!-- generated: {part} -->", f"<!-- end of generated: {part} -->"
         before, found, rest = document.partition(begin)
         _, closed, after = rest.partition(end)
         if not found or not closed:
-            raise CompanionError(f"the document lacks the lines {begin} and {end} around its generated part")
+            raise CompanionError(f"docs/{name} lacks the lines {begin} and {end} around its generated part")
         document = f"{before}{begin}\n\n{texts[part]}\n\n{end}{after}"
     return document
 
@@ -110,5 +111,6 @@ def _cells(event: Event) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(renewed(path.read_text()))
+    for name in PARTS:
+        path = _DOCS / name
+        path.write_text(renewed(name, path.read_text()))

@@ -1,6 +1,6 @@
 """Every fault of the mission: when it is noticed at the latest, by what, and what clears it. Pure.
 
-What is done about it stands in `mission.TABLE`; docs/safety.md shows both together, generated.
+What is done about it stands in `mission.TABLE`; docs/mission.md shows both together, generated.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from companion.core.inputs import Event
-from companion.mission.conditions import HEARTBEAT_LOST_S, MODE_LOST_S, STALLED_S
+from companion.mission.conditions import HEARTBEAT_LOST_S, MODE_LOST_S, SLEPT_S, STALLED_S
 from companion.pose.health import HealthLimits
 
 _TICK_S: Final = 0.05
@@ -38,7 +38,10 @@ FAULTS: Final[dict[Event, Fault]] = {
         _PERSON,
     ),
     Event.STALLED: Fault(
-        f"{STALLED_S:g} s", "the gap between two ticks of the stream, at the first tick after it", _PERSON
+        f"{STALLED_S:g} s; {SLEPT_S:g} s of a suspended host",
+        "the gap between two ticks of the stream, at the first tick after it; CLOCK_BOOTTIME against CLOCK_MONOTONIC; "
+        "the vehicle's clock, if it leapt ahead of ours, at its first message",
+        _PERSON,
     ),
     Event.LINK_LOST: Fault(
         f"{max(MODE_LOST_S, HEARTBEAT_LOST_S):g} s",

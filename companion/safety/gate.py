@@ -69,6 +69,14 @@ class GateLimits:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
 
+    def is_in_box(self, p_local_enu_m: Vector3) -> bool:
+        return all(
+            low <= p <= high for low, p, high in zip(self.fence_min_m, p_local_enu_m, self.fence_max_m, strict=True)
+        )
+
+    def is_in_cylinder(self, p_local_enu_m: Vector3) -> bool:
+        return math.hypot(p_local_enu_m[0], p_local_enu_m[1]) <= self.fence_radius_m
+
 
 _POSITIVE: Final = (
     "fence_radius_m",
@@ -106,11 +114,13 @@ class Gate:
         now_ns: int,
         mode_is_ours: bool,
         neighbours: Sequence[Vector3] = (),
+        ground_m: float = 0.0,
     ) -> Verdict:
         """Judge one set point.
 
         `mode_is_ours` is the caller's: true in OFFBOARD that we asked for, and while the stream warms up for it.
-        `neighbours` are the places (local frame, ENU axes) where other robots are known to be.
+        `neighbours` are the places (local frame, ENU axes) where other robots are known to be. `ground_m` is the Up at
+        which the vehicle stood: the local frame's own wanders by half a metre before a takeoff.
         A hold is the vehicle's present position at zero velocity. Without a usable position there is no hold to send:
         nothing goes out, and the autopilot's own loss-of-stream failsafe takes the vehicle.
         """
@@ -120,11 +130,17 @@ class Gate:
         if flown is None:
             return Verdict(None, (Reason.NO_POSITION,))
         p_m, v_m_s, yaw_rad = flown
-        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns, neighbours)
+        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns, neighbours, ground_m)
         return Verdict(Setpoint(now_ns, p_m, (0.0, 0.0, 0.0), yaw_rad) if reasons else setpoint, reasons)
 
     def _reasons(
-        self, setpoint: Setpoint, p_m: Vector3, v_m_s: Vector3, now_ns: int, neighbours: Sequence[Vector3]
+        self,
+        setpoint: Setpoint,
+        p_m: Vector3,
+        v_m_s: Vector3,
+        now_ns: int,
+        neighbours: Sequence[Vector3],
+        ground_m: float,
     ) -> tuple[Reason, ...]:
         if not setpoint.is_finite():
             return (Reason.NOT_FINITE,)
@@ -133,14 +149,11 @@ class Gate:
         wanted_p = (
             _led_to(p_m, wanted_v, limits.response_s) if setpoint.p_local_enu_m is None else setpoint.p_local_enu_m
         )
-        inside = (
-            low <= p <= high for low, p, high in zip(limits.fence_min_m, wanted_p, limits.fence_max_m, strict=True)
-        )
         broken = {
             Reason.STALE: not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * NS_PER_S,
-            Reason.FENCE_BOX: not all(inside),
-            Reason.FENCE_CYLINDER: math.hypot(wanted_p[0], wanted_p[1]) > limits.fence_radius_m,
-            Reason.HEIGHT: wanted_p[2] < limits.min_height_m,
+            Reason.FENCE_BOX: not limits.is_in_box(wanted_p),
+            Reason.FENCE_CYLINDER: not limits.is_in_cylinder(wanted_p),
+            Reason.HEIGHT: wanted_p[2] < ground_m + limits.min_height_m,
             Reason.LEAD: math.dist(wanted_p, p_m) > limits.max_lead_m,
             Reason.SPEED: math.hypot(wanted_v[0], wanted_v[1]) > limits.max_speed_m_s,
             Reason.CLIMB: abs(wanted_v[2]) > limits.max_climb_m_s,

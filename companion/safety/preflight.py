@@ -5,11 +5,16 @@ Each entry says what is wrong, what is wanted and why, so that a person can act 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from companion.core.messages import FlightMode
+
+_ROOM_M: Final = 0.3
+"""Between two heights: a climb overshoots, and the estimate's Up wanders."""
 _VISION_BITS: Final = 1 | 2 | 8
 """EKF2_EV_CTRL: horizontal position, vertical position, yaw."""
 
@@ -54,6 +59,18 @@ REQUIREMENTS: Final = (
         "PX4's own geofence is the barrier behind ours; 0 and 1 do nothing, 4 stops the motors",
     ),
     Requirement(
+        "RTL_RETURN_ALT", Needed.ALWAYS, lambda v: v > 0, "below gate.fence_max_m and GF_MAX_VER_DIST",
+        "every return climbs to it, ours and those of PX4's failsafes: its default of 30 m leads through a ceiling",
+    ),
+    Requirement(
+        "GF_MAX_VER_DIST", Needed.ALWAYS, lambda v: v >= 0, "0, or above RTL_RETURN_ALT",
+        "a return that meets PX4's own fence ends in a failsafe up there",
+    ),
+    Requirement(
+        "NAV_MC_ALT_RAD", Needed.ALWAYS, lambda v: v > 0, "below mission.takeoff_height_m by 0.3 m",
+        "PX4 ends its takeoff so far from the height: one that is lower ends on the ground",
+    ),
+    Requirement(
         "SYS_HAS_GPS", Needed.GPS, lambda v: v == 1, "1", "autopilot.gps says that the position comes from GPS",
     ),
     Requirement(
@@ -76,7 +93,7 @@ REQUIREMENTS: Final = (
         "the height the legs are flown at is that of the poses",
     ),
 )  # fmt: skip
-"""docs/safety.md has this table, generated."""
+"""docs/vehicle.md has this table, generated."""
 
 
 def required_parameters(gps: bool) -> tuple[Requirement, ...]:
@@ -85,17 +102,36 @@ def required_parameters(gps: bool) -> tuple[Requirement, ...]:
     return tuple(requirement for requirement in REQUIREMENTS if requirement.needed in needed)
 
 
-def parameter_problems(values: Mapping[str, float | str], gps: bool) -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """Of the configuration, above where the vehicle stands [m]: what parameters must leave room for."""
+
+    takeoff_m: float = 1.5
+    ceiling_m: float = math.inf
+
+
+def parameter_problems(values: Mapping[str, float | str], gps: bool, heights: Heights = Heights()) -> Iterator[str]:
     """One line for each wrong one of `values`, which has a number for each required name, or why it was not read."""
     for requirement in required_parameters(gps):
         value = values[requirement.name]
         if isinstance(value, str):
             yield f"{value}; wanted {requirement.wanted}: {requirement.why}"
-        elif not requirement.accepts(value):
+        elif not requirement.accepts(value) or _has_no_room(requirement.name, value, values, heights):
             yield requirement.problem(value)
 
 
-@dataclass(frozen=True, slots=True)
+def _has_no_room(name: str, value: float, values: Mapping[str, float | str], heights: Heights) -> bool:
+    """A height that is right by itself and wrong beside another one."""
+    if name == "RTL_RETURN_ALT":
+        fence_m = values["GF_MAX_VER_DIST"]
+        lowest_m = min(heights.ceiling_m, fence_m if isinstance(fence_m, (int, float)) and fence_m > 0 else math.inf)
+        return value > lowest_m - _ROOM_M
+    if name == "GF_MAX_VER_DIST":
+        return 0 < value < heights.takeoff_m + _ROOM_M
+    return name == "NAV_MC_ALT_RAD" and value > heights.takeoff_m - _ROOM_M
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Readiness:
     """What the service knows of itself now. Ages in seconds, infinite for what was never there."""
 
@@ -105,11 +141,20 @@ class Readiness:
     has_position: bool
     estimator_age_s: float
     estimator_healthy: bool
+    position_is_global: bool | None = None
+    outside_fence: str = ""
+    """Where the vehicle is, in words, if that is outside the gate's own fence."""
     failsafe: bool
-    flown_in: str
-    """The mode in which the vehicle is in the air, where that is not hold; else empty."""
+    mode: FlightMode | None = None
+    intended_mode: FlightMode | None = None
+    in_air: bool = False
+    not_px4: str = ""
+    """What the vehicle says it is, where that is no PX4."""
     timesync_age_s: float
+    time_known: bool = True
+    """The vehicle's own time is known, or no poses are to be stamped in it."""
     battery: float | None
+    batteries_unknown: tuple[int, ...] = ()
     pose_problem: str
     north_problem: str
     datagram_age_s: float
@@ -120,9 +165,10 @@ class Readiness:
     aoa_ready: bool
     recorder_failed: bool
     free_mib: float
+    network_problem: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReadinessLimits:
     """The configuration's part in it."""
 
@@ -131,6 +177,9 @@ class ReadinessLimits:
     min_free_mib: float
 
 
+_CHOOSE_HOLD: Final = "choose Hold at the ground station"
+_NOT_ON_THE_GROUND: Final = frozenset({FlightMode.OFFBOARD, FlightMode.LAND, FlightMode.RETURN, FlightMode.MISSION})
+"""PX4 does not arm in these, or begins something else than we ask for."""
 _HEARTBEAT_S: Final = 2.0
 _ESTIMATOR_S: Final = 3.0
 _TIMESYNC_S: Final = 3.0
@@ -141,19 +190,27 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
     linked = not now.autopilot_problem and now.heartbeat_age_s <= _HEARTBEAT_S
     forged = f" ({now.bad_signatures} came with a wrong signature: compare the keys)" if now.bad_signatures else ""
     low = now.battery is not None and now.battery < limits.min_battery
+    silent = ", ".join(map(str, now.batteries_unknown))
     problems = {
         "the service observes; mission.control: fly lets it be engaged": now.observes,
         f"no heartbeat of the autopilot{': ' if now.autopilot_problem else ''}{now.autopilot_problem}": not linked,
         "the autopilot has no local position": not now.has_position,
         "the autopilot's estimator tells nothing of itself": linked and now.estimator_age_s > _ESTIMATOR_S,
         "the autopilot's estimator is not healthy": now.estimator_age_s <= _ESTIMATOR_S and not now.estimator_healthy,
-        "the autopilot is in a failsafe": now.failsafe,
-        f"the vehicle is flown in mode {now.flown_in}; put it into hold first": bool(now.flown_in),
+        "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it is "
+        "given an origin (autopilot.origin_deg) once it takes our poses": now.position_is_global is False,
+        f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
+        f"the vehicle is no PX4 but {now.not_px4}": bool(now.not_px4),
+        _mode_problem(now): True,
         "clocks: the autopilot takes no part in TIMESYNC": linked and now.timesync_age_s > _TIMESYNC_S,
+        "clocks: the vehicle's own time is not known yet, in which poses are stamped": linked and not now.time_known,
+        "no battery tells how full it is (BATTERY_STATUS)": linked and now.battery is None,
+        f"battery {silent} is silent, or does not know how full it is": linked and bool(silent),
         f"the battery is low: {100 * (now.battery or 0):.0f} %, wanted {100 * limits.min_battery:.0f}": low,
         f"no fresh poses: {now.pose_problem}": bool(now.pose_problem),
         now.north_problem: bool(now.north_problem),
         f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
+        f"the robots' network: {now.network_problem}": bool(now.network_problem),
         "no packets of the target": now.packet_age_s > limits.silent_s,
         # Nothing can be related before packets and datagrams come, and that is said already.
         now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,
@@ -162,4 +219,18 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         f"the disk has {now.free_mib:.0f} MiB left, wanted {limits.min_free_mib:.0f}": now.free_mib
         < limits.min_free_mib,
     }
-    return [text for text, is_so in problems.items() if is_so]
+    return [text for text, is_so in problems.items() if is_so and text]
+
+
+def _mode_problem(now: Readiness) -> str:
+    """Why the vehicle's mode is none to be engaged in, and what a person does about it; empty when it is one."""
+    intended = now.mode if now.intended_mode is None else now.intended_mode
+    if now.failsafe:
+        return f"the autopilot is in a failsafe (asked for {intended}, flies {now.mode}): {_CHOOSE_HOLD}"
+    if now.in_air and now.mode is not FlightMode.HOLD:
+        return f"the vehicle is flown in mode {now.mode}; put it into hold first"
+    if now.in_air and intended is not FlightMode.HOLD:
+        return f"the vehicle holds, but was asked for {intended} and may go back to it: {_CHOOSE_HOLD}"
+    if not now.in_air and intended in _NOT_ON_THE_GROUND:
+        return f"the vehicle stands in mode {intended}, in which it does not arm: {_CHOOSE_HOLD}"
+    return ""

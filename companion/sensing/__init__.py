@@ -1,4 +1,4 @@
-"""From packets to bearings: the window of paired packets, SAR iterations cut from it, the AOA worker process.
-
-Samples, poses and neighbours come in, iterations leave. Touches the worker process and nothing else outside.
+"""From packets to bearings: the window of paired packets, the SAR iterations cut from it, and the AOA worker that
+computes them. Samples, poses, neighbours and the worker's answers come in; iterations leave, recorded. Touches the
+worker process and nothing else outside.
 """

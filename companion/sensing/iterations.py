@@ -10,10 +10,16 @@ from typing import Protocol
 import numpy as np
 
 from companion.config.schema import ApertureConfig
-from companion.core.clock import NS_PER_S, Clock
+from companion.core.clock import NS_PER_S
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Answer, WorkerState
 from companion.core.messages import Vector3
+from companion.core.output import Output
+from companion.core.recorder import Recorder
+from companion.core.streams import ANSWER, APERTURE, BEARING, PROFILE, WORKER
 from companion.neighbours.neighbour import Neighbour
 from companion.sensing.history import History
+from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import ApertureRecord, Iteration
 from companion.sensing.window import ApertureReport, SarWindow
 from companion.sensing.worker_wire import AoaResult
@@ -23,7 +29,7 @@ _LOCAL_CAPACITY = 20 * 120
 
 
 class Worker(Protocol):
-    """Computes apertures; its answers come back through `SarIterations.take`, in any order."""
+    """Computes apertures; its answers come back through `SarIterations.take_answer`, in any order."""
 
     ready: asyncio.Event
     """Set while it waits for apertures."""
@@ -33,19 +39,19 @@ class Worker(Protocol):
 
 
 class SarIterations:
-    """Numbers the iterations. `on_aperture` gets what goes to the worker, `on_iteration` what came of it, with its
-    profile (float16 bytes, empty for a refusal)."""
+    """Numbers the iterations, records what goes to the worker and what came of it; `iterations` gives each."""
 
     def __init__(
         self,
+        *,
         window: SarWindow,
         worker: Worker,
         neighbours: Mapping[int, Neighbour],
         config: ApertureConfig,
-        clock: Clock,
-        on_iteration: Callable[[Iteration, bytes], None],
-        pose_problem: Callable[[int, int], str] = lambda start_ns, end_ns: "",
-        on_aperture: Callable[[ApertureRecord], None] = lambda aperture: None,
+        clock: EventClock,
+        recorder: Recorder,
+        lookalikes: Lookalikes,
+        pose_problem: Callable[[int, int], str],
     ) -> None:
         """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
         self._window = window
@@ -53,27 +59,37 @@ class SarIterations:
         self._neighbours = neighbours
         self._config = config
         self._clock = clock
-        self._on_aperture = on_aperture
-        self._on_iteration = on_iteration
-        self._local = History(_LOCAL_CAPACITY, 3)
+        self._recorder = recorder
+        self._lookalikes = lookalikes
         self._pose_problem = pose_problem
+        self._local = History(_LOCAL_CAPACITY, 3)
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._begun_ns: int | None = None
         self._finished_ns: int | None = None
         self._number = 0
-        self.start_ns: int | None = None
+        self.iterations = Output[Iteration]()
 
     def add_local_position(self, t_ns: int, p_local_enu_m: Vector3) -> None:
         self._local.append(t_ns, p_local_enu_m)
 
     def begin(self) -> None:
         """From here on packets belong to the next iteration."""
-        self.start_ns = self._clock.now_ns()
+        self._begun_ns = self._clock.now_ns()
+
+    def abandon(self) -> None:
+        """Nothing comes of the iteration that has begun, if one has."""
+        self._begun_ns = None
+
+    @property
+    def is_measuring(self) -> bool:
+        """Whether an iteration has begun and not ended."""
+        return self._begun_ns is not None
 
     def finish(self, end_ns: int) -> None:
         """Cuts the apertures of all neighbours from the beginning to `end_ns` and hands them to the worker."""
-        if self.start_ns is None:
+        if self._begun_ns is None:
             return
-        start_ns, self.start_ns = self.start_ns, None
+        start_ns, self._begun_ns = self._begun_ns, None
         self._finished_ns = self._clock.now_ns()
         spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
@@ -82,14 +98,14 @@ class SarIterations:
                 report = replace(report, aperture=None, refusal=spoiled)
             number, self._number = self._number, self._number + 1
             if report.aperture is None:
-                self._on_iteration(self._iteration(number, report, AoaResult(-1, report.peer, 0.0)), b"")
+                self._end(number, report, AoaResult(-1, report.peer, 0.0))
             else:
-                self._on_aperture(_record_of(number, report, report.aperture))
+                self._recorder.record(APERTURE, report.end_ns, _record_of(number, report, report.aperture))
                 self._pending[self._worker.submit(report.peer, report.aperture)] = number, report
 
     def path_length_m(self) -> float:
         """Path of the antenna since `begin`, by the pose source."""
-        return 0.0 if self.start_ns is None else self._window.path_length_m(self.start_ns, self._clock.now_ns())
+        return 0.0 if self._begun_ns is None else self._window.path_length_m(self._begun_ns, self._clock.now_ns())
 
     @property
     def is_ready(self) -> bool:
@@ -107,10 +123,28 @@ class SarIterations:
         """Whether results are still to come."""
         return bool(self._pending)
 
-    def take(self, result: AoaResult) -> None:
-        """An answer of the worker."""
-        number, report = self._pending.pop(result.id)
-        self._on_iteration(self._iteration(number, report, result), result.profile)
+    def take_answer(self, result: AoaResult) -> None:
+        """The worker has answered."""
+        with self._clock.event() as now_ns:
+            failure = result.refusal if result.failed else ""
+            self._recorder.record(ANSWER, now_ns, Answer(now_ns, result.id, result.peer, result.compute_s, failure))
+            number, report = self._pending.pop(result.id)
+            self._end(number, report, result)
+
+    def note_worker(self, is_ready: bool) -> None:
+        """A worker has begun or ceased to wait for apertures."""
+        with self._clock.event() as now_ns:
+            self._recorder.record(WORKER, now_ns, WorkerState(now_ns, is_ready))
+
+    def _end(self, number: int, report: ApertureReport, result: AoaResult) -> None:
+        iteration = self._iteration(number, report, result)
+        doubt = self._lookalikes.add(iteration.peer, iteration.start_ns, result.profile)
+        if doubt:
+            iteration = replace(iteration, estimate=None, refusal=doubt)
+        self._recorder.record(BEARING, iteration.reference_ns, iteration)
+        if result.profile:
+            self._recorder.record(PROFILE, iteration.reference_ns, result.profile)
+        self.iterations.give(iteration)
 
     def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
         reference_ns, peer_p_enu_m = report.end_ns, None
@@ -118,20 +152,20 @@ class SarIterations:
             reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
             peer_p_enu_m = report.peer_at(reference_ns)
         return Iteration(
-            number,
-            report.peer,
-            report.start_ns,
-            report.end_ns,
-            reference_ns,
-            self._local_position(reference_ns),
-            peer_p_enu_m,
-            report.peer_boot,
-            report.received,
-            report.dropped,
-            result.compute_s,
-            result.estimate,
-            report.refusal or result.refusal,
-            result.informativeness,
+            number=number,
+            peer=report.peer,
+            start_ns=report.start_ns,
+            end_ns=report.end_ns,
+            reference_ns=reference_ns,
+            p_local_enu_m=self._local_position(reference_ns),
+            peer_p_enu_m=peer_p_enu_m,
+            peer_boot=report.peer_boot,
+            received=report.received,
+            dropped=report.dropped,
+            compute_s=result.compute_s,
+            estimate=result.estimate,
+            refusal=report.refusal or result.refusal,
+            informativeness=result.informativeness,
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:
@@ -144,13 +178,13 @@ class SarIterations:
 
 def _record_of(number: int, report: ApertureReport, aperture: Aperture) -> ApertureRecord:
     return ApertureRecord(
-        number,
-        report.peer,
-        report.start_ns,
-        report.end_ns,
-        aperture.t_s.tobytes(),
-        aperture.chi_m.tobytes(),
-        aperture.channel.tobytes(),
-        aperture.wavelength_m,
-        aperture.reference_p_m,
+        number=number,
+        peer=report.peer,
+        start_ns=report.start_ns,
+        end_ns=report.end_ns,
+        t_s=aperture.t_s.tobytes(),
+        chi_m=aperture.chi_m.tobytes(),
+        channel=aperture.channel.tobytes(),
+        wavelength_m=aperture.wavelength_m,
+        reference_p_m=aperture.reference_p_m,
     )

@@ -22,17 +22,19 @@ _KEPT: Final = 8
 
 
 class Lookalikes:
-    """Takes the profiles of all iterations and tells which neighbours cannot be told apart."""
+    """Takes the profiles of all iterations and tells which neighbours cannot be told apart. Unless it `refuses` their
+    bearings it only reports them."""
 
-    def __init__(self, names: Mapping[int, str]) -> None:
+    def __init__(self, names: Mapping[int, str], refuses: bool = True) -> None:
         self._names = names
+        self._refuses = refuses
         self._profiles: dict[int, dict[int, npt.NDArray[np.float32]]] = {}
         """By the start of the iteration, then by peer."""
         self._streak: dict[tuple[int, int], int] = {}
 
     def add(self, peer: int, start_ns: int, profile: bytes) -> str:
         """A profile (180, 360) as float16 bytes of the iteration that began at `start_ns`, empty for a refusal. Returns
-        why this peer is in doubt, or nothing."""
+        why nothing may come of this iteration, or nothing."""
         if profile:
             others = self._profiles.setdefault(start_ns, {})
             ours = outstanding(np.frombuffer(profile, np.float16).astype(np.float32))
@@ -42,6 +44,8 @@ class Lookalikes:
             others[peer] = ours
             while len(self._profiles) > _KEPT:
                 self._profiles.pop(next(iter(self._profiles)))
+        if not self._refuses:
+            return ""
         twins = [name for pair in self._pairs() if peer in pair for name in pair if name != peer]
         names = ", ".join(self._names[twin] for twin in twins)
         return f"its profile cannot be told from that of {names}: one transmitter behind both?" if twins else ""

@@ -14,7 +14,7 @@ from wsr.aoa import AoaEstimate
 from wsr.crb.informativeness import Informativeness
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Iteration:
     """One SAR iteration for one peer, whatever came of it. `estimate.reference_t_s` counts from `start_ns`."""
 
@@ -46,19 +46,19 @@ class Iteration:
         if not estimate.azimuth_observable:
             return None
         return Bearing(
-            self.reference_ns,
-            self.p_local_enu_m,
-            estimate.azimuth_rad,
-            estimate.polar_rad,
-            estimate.azimuth_std_rad,
-            estimate.polar_std_rad if estimate.polar_observable else math.inf,
-            self.peer_p_enu_m,
-            self.peer_boot,
-            estimate.reliability,
+            t_mono_ns=self.reference_ns,
+            p_local_enu_m=self.p_local_enu_m,
+            azimuth_rad=estimate.azimuth_rad,
+            polar_rad=estimate.polar_rad,
+            azimuth_std_rad=estimate.azimuth_std_rad,
+            polar_std_rad=estimate.polar_std_rad if estimate.polar_observable else math.inf,
+            target_p_enu_m=self.peer_p_enu_m,
+            target_boot=self.peer_boot,
+            reliability=estimate.reliability,
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ApertureRecord:
     """The aperture of one SAR iteration for the log: M packets as bytes, little-endian: `t_s` f64 (M,) from
     `start_ns`, `chi_m` f64 (M, 3), `channel` c128 (M,); as in `wsr.aperture.Aperture`."""
@@ -78,7 +78,7 @@ class ApertureRecord:
         return np.asarray(np.frombuffer(self.chi_m).reshape(-1, 3) + np.array(self.reference_p_m))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Bearing:
     """One direction to a target: from `p_local_enu_m` along azimuth and polar angle, at `t_mono_ns`.
 

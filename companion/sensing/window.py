@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -35,19 +35,19 @@ _FRAME, _NIC, _T = 0, 1, 2
 Times = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ApertureReport:
     """What one SAR iteration gathered from one peer: an aperture, or the reason why there is none."""
 
     peer: int
     start_ns: int
     end_ns: int
-    aperture: Aperture | None
-    refusal: str
     received: int
     """Forward packets heard in the time of the aperture."""
     dropped: Mapping[str, int]
     """Packets left out, per reason."""
+    aperture: Aperture | None = None
+    refusal: str = ""
     peer_t_s: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     """Times (M,) of the aperture's packets from `start_ns`, rising."""
     peer_p_m: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
@@ -89,14 +89,21 @@ class SarWindow:
     relation of the clocks is known better then.
     """
 
-    def __init__(self, antenna_m: Vector3, wavelength_m: float, min_packets: int, max_pose_gap_s: float) -> None:
+    def __init__(
+        self,
+        antenna_m: Vector3,
+        wavelength_m: float,
+        min_packets: int,
+        max_pose_gap_s: float,
+        nic_clock: NicClock | None = None,
+    ) -> None:
         self._antenna_m = antenna_m
         self._wavelength_m = wavelength_m
         self._min_packets = min_packets
         self._max_pose_gap_s = max_pose_gap_s
         self._poses = History(_POSE_CAPACITY, 7)
         self._heard: dict[int, dict[bytes, _Heard]] = {}
-        self.nic_clock: NicClock | None = None
+        self._nic_clock = nic_clock
 
     def add_pose(self, pose: Pose) -> None:
         """A pose of our own body; the aperture is made of where that puts the antenna."""
@@ -123,15 +130,16 @@ class SarWindow:
         refusal is part of the report."""
         forward = self._forward(neighbour.id, start_ns, end_ns)
         dropped: dict[str, int] = {}
+        report = ApertureReport(
+            peer=neighbour.id, start_ns=start_ns, end_ns=end_ns, received=len(forward.t_ns), dropped=dropped
+        )
         try:
             aperture, peer_p_m = self._join(neighbour, forward, start_ns, dropped)
         except ApertureError as error:
-            return ApertureReport(neighbour.id, start_ns, end_ns, None, str(error), len(forward.t_ns), dropped)
+            return replace(report, refusal=str(error))
         assert neighbour.session.boot_id is not None
-        return ApertureReport(
-            neighbour.id, start_ns, end_ns, aperture, "", len(forward.t_ns), dropped,
-            aperture.t_s, peer_p_m, neighbour.session.boot_id,
-        )  # fmt: skip
+        boot = neighbour.session.boot_id
+        return replace(report, aperture=aperture, peer_t_s=aperture.t_s, peer_p_m=peer_p_m, peer_boot=boot)
 
     def _antenna(self, start_ns: int, end_ns: int) -> tuple[Times, npt.NDArray[np.float64]]:
         """Times (N,) [ns] and positions (N, 3) of our antenna."""
@@ -162,9 +170,9 @@ class SarWindow:
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
         t_ns = stamps[:, _T].astype(np.int64)
-        if self.nic_clock is None or not len(t_ns):
+        if self._nic_clock is None or not len(t_ns):
             return t_ns
-        again_ns = self.nic_clock.host_ns(stamps[:, _NIC].astype(np.uint32))
+        again_ns = self._nic_clock.host_ns(stamps[:, _NIC].astype(np.uint32))
         # Those before a reset of the card's clock keep the time they had.
         return np.where(np.abs(again_ns - t_ns) < _REMAP_NS // 2, again_ns, t_ns)
 

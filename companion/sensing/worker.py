@@ -6,7 +6,6 @@ until its input ends, which also ends it when the service dies.
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from typing import BinaryIO
@@ -14,6 +13,7 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
+from companion.host.priority import stand_back
 from companion.sensing.worker_wire import LENGTH, READY_ID, AoaRequest, AoaResult, aperture_of, frame
 from wsr.aoa import Estimator
 from wsr.crb.informativeness import informativeness
@@ -36,7 +36,7 @@ def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
 
 
 def main() -> None:
-    os.nice(10)
+    stand_back(nice=10)
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     estimator = ESTIMATORS[sys.argv[1]]()
     warm_up()

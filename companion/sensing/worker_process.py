@@ -7,11 +7,11 @@ import contextlib
 import logging
 import os
 import sys
-from collections.abc import Callable
 from typing import Final
 
 import msgspec
 
+from companion.core.output import Output
 from companion.errors import CompanionError
 from companion.host.child import tied
 from companion.sensing.worker_wire import LENGTH, MAX_BYTES, READY_ID, SIGN_OF_LIFE, AoaResult, frame, request_of
@@ -27,26 +27,19 @@ ONE_THREAD: Final = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA
 
 
 class AoaProcess:
-    """Computes one aperture at a time in a niced process. `on_result` gets every result, refusals included.
+    """Computes one aperture at a time in a niced process. `answers` gives every result, refusals included.
 
     A request that takes longer than `timeout_s`, or during which the worker dies, is answered with a refusal, and the
     worker is replaced. One that has nothing to do and hangs or dies is not ready within 1.5 s, and is replaced too. At
-    most `waiting` requests queue; the oldest goes first when there are more. `on_ready` is told when a worker begins
-    and ceases to wait for requests.
+    most `waiting` requests queue; the oldest goes first when there are more. `readiness` tells when a worker begins and
+    ceases to wait for requests.
     """
 
-    def __init__(
-        self,
-        estimator: str,
-        timeout_s: float,
-        on_result: Callable[[AoaResult], None],
-        waiting: int = 16,
-        on_ready: Callable[[bool], None] = lambda is_ready: None,
-    ) -> None:
+    def __init__(self, estimator: str, timeout_s: float, waiting: int = 16) -> None:
         self._estimator = estimator
         self._timeout_s = timeout_s
-        self._on_result = on_result
-        self._on_ready = on_ready
+        self.answers = Output[AoaResult]()
+        self.readiness = Output[bool]()
         self._requests: asyncio.Queue[tuple[int, int, Aperture]] = asyncio.Queue(waiting)
         self._next_id = 0
         self.restarts = 0
@@ -61,7 +54,7 @@ class AoaProcess:
             self.dropped += 1
             refusal = AoaResult(dropped_id, dropped_peer, 0.0, refusal="the AOA worker is behind", failed=True)
             # An answer is an event of its own, never a part of the one that submits.
-            asyncio.get_running_loop().call_soon(self._on_result, refusal)
+            asyncio.get_running_loop().call_soon(self.answers.give, refusal)
         request_id, self._next_id = self._next_id, self._next_id + 1
         self._requests.put_nowait((request_id, peer, aperture))
         return request_id
@@ -99,9 +92,9 @@ class AoaProcess:
                     result = await _receive(process)
             except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
                 reason = f"the AOA worker {_what_happened(error)}"
-                self._on_result(AoaResult(request_id, peer, 0.0, refusal=reason, failed=True))
+                self.answers.give(AoaResult(request_id, peer, 0.0, refusal=reason, failed=True))
                 raise
-            self._on_result(result)
+            self.answers.give(result)
 
     async def _see_it_lives(self, process: asyncio.subprocess.Process) -> None:
         """Raises TimeoutError, or as pipes do, when it does not."""
@@ -119,7 +112,7 @@ class AoaProcess:
     def _set_ready(self, is_ready: bool) -> None:
         if is_ready != self.ready.is_set():
             (self.ready.set if is_ready else self.ready.clear)()
-            self._on_ready(is_ready)
+            self.readiness.give(is_ready)
 
 
 async def _spawn(estimator: str) -> asyncio.subprocess.Process:

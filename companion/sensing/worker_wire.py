@@ -18,7 +18,7 @@ LENGTH = struct.Struct("<I")
 MAX_BYTES = 64 << 20
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AoaRequest:
     """One aperture: `t_s` (M,) f64, `chi_m` (M, 3) f64 and `channel` (M,) c128 as their bytes."""
 
@@ -40,7 +40,9 @@ class AoaRequest:
 READY_ID = -1
 """Id of the empty result that says that requests are welcome: the first of a worker, whose kernel is compiled then, and
 the answer to SIGN_OF_LIFE."""
-SIGN_OF_LIFE = AoaRequest(READY_ID, 0, b"", b"", b"", 0.0, (0.0, 0.0, 0.0), 0.0)
+SIGN_OF_LIFE = AoaRequest(
+    id=READY_ID, peer=0, t_s=b"", chi_m=b"", channel=b"", wavelength_m=0.0, reference_p_m=(0.0,) * 3, reference_t_s=0.0
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +63,17 @@ class AoaResult:
 
 def request_of(request_id: int, peer: int, aperture: Aperture) -> AoaRequest:
     return AoaRequest(
-        request_id,
-        peer,
-        np.ascontiguousarray(aperture.t_s, np.float64).tobytes(),
-        np.ascontiguousarray(aperture.chi_m, np.float64).tobytes(),
-        np.ascontiguousarray(aperture.channel, np.complex128).tobytes(),
-        aperture.wavelength_m,
-        aperture.reference_p_m,
-        aperture.reference_t_s,
-        _bytes(aperture.forward),
-        _bytes(aperture.reverse),
-        _bytes(aperture.nic_us),
+        id=request_id,
+        peer=peer,
+        t_s=np.ascontiguousarray(aperture.t_s, np.float64).tobytes(),
+        chi_m=np.ascontiguousarray(aperture.chi_m, np.float64).tobytes(),
+        channel=np.ascontiguousarray(aperture.channel, np.complex128).tobytes(),
+        wavelength_m=aperture.wavelength_m,
+        reference_p_m=aperture.reference_p_m,
+        reference_t_s=aperture.reference_t_s,
+        forward=_bytes(aperture.forward),
+        reverse=_bytes(aperture.reverse),
+        nic_us=_bytes(aperture.nic_us),
     )
 
 
@@ -89,11 +91,6 @@ def aperture_of(request: AoaRequest) -> Aperture:
         reverse=_array(request.reverse, np.complex64, len(t_s)),
         nic_us=_array(request.nic_us, np.float64, len(t_s)),
     )
-
-
-def profile_power(result: AoaResult) -> npt.NDArray[np.float16]:
-    """Power of the profile, shape (180, 360)."""
-    return np.frombuffer(result.profile, np.float16).reshape(180, 360)
 
 
 def frame(message: AoaRequest | AoaResult) -> bytes:

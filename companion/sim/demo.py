@@ -46,7 +46,7 @@ class Watch:
     setpoint_rate_hz: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DemoRun:
     """What happened, before the log is read. `outcome` says in words how it ended."""
 
@@ -60,8 +60,11 @@ class DemoRun:
     stage: Stage
 
 
-async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None]) -> DemoRun:
-    """One rendezvous with everything real but the hardware. `out` is an existing directory.
+async def run_demo(
+    seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None], gps: bool = False
+) -> DemoRun:
+    """One rendezvous with everything real but the hardware; without `gps` the vehicle flies by the service's poses.
+    `out` is an existing directory.
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
@@ -69,7 +72,7 @@ async def run_demo(seed: int, out: Path, max_time_s: float, on_watch: Callable[[
     for old in (*logs, *(out / name for name in _PICTURES)):
         old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = set_stage(Path(name), out, seed)
+        stage = set_stage(Path(name), out, seed, gps=gps)
         with bind_datagram_socket(stage.truth_socket) as truth_socket:
             try:
                 async with Cast(stage, out) as cast:
@@ -115,7 +118,16 @@ class _Operator:
             await ask(self._stage.control_socket, "abort")
             await self._watch_it_leave()
         closest_m = min((t.distance_m for t in self._truths), default=math.inf)
-        return DemoRun(reached, outcome, engaged_ns, flight_s, setup_s, closest_m, self._truths, self._stage)
+        return DemoRun(
+            reached=reached,
+            outcome=outcome,
+            engaged_ns=engaged_ns,
+            flight_s=flight_s,
+            setup_s=setup_s,
+            closest_m=closest_m,
+            truths=self._truths,
+            stage=self._stage,
+        )
 
     async def _watch_it_leave(self) -> None:
         """Long enough to see whether anything is sent after OFFBOARD was left."""

@@ -14,33 +14,11 @@ from companion.core.clock import NS_PER_S
 from companion.core.streams import BEARING, PROFILE
 from companion.log.foxglove import power_of
 from companion.log.reader import read_log
+from companion.log.records import LoggedIteration
 from companion.sim.demo import DemoRun
 from companion.sim.truth import WorldTruth
 from wsr.geometry import angles, direction, great_circle
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedEstimate:
-    """What the rows need of an `AoaEstimate` in the log, where an infinite bound is null."""
-
-    azimuth_rad: float
-    polar_rad: float
-    crb_rad: float | None
-    reliability: float
-    packets: int
-    length_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedIteration:
-    """What the rows need of an `Iteration` in the log."""
-
-    number: int
-    reference_ns: int
-    received: int
-    estimate: LoggedEstimate | None
-    refusal: str
 
 
 @dataclass(frozen=True, slots=True)

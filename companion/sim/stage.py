@@ -11,7 +11,7 @@ import secrets
 import signal
 import socket
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
@@ -25,13 +25,15 @@ from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
-_PX4_PARAMETERS: Final = ("--param", "COM_OBL_RC_ACT=5", "--param", "COM_RC_OVERRIDE=3")
+_PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=3")
 """What the preflight requires; PX4's own defaults are others."""
+_GPS_DENIED: Final = ("SYS_HAS_GPS=0", "EKF2_GPS_CTRL=0", "EKF2_HGT_REF=3", "EKF2_EV_CTRL=11")
+_VIO_HZ: Final = 50.0
 _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
     """Where everything of one demo run is. `transport` is netlink where permitted, else unix with the reason why."""
 
@@ -54,18 +56,18 @@ class Stage:
         return self.uav.path(self.uav.control_socket)
 
 
-def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -> Stage:
+def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True) -> Stage:
     """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
-    have a limit). Logs go to `out`."""
+    have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses."""
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
-    claims = _claim_connectors() if transport == "netlink" else {}
+    claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
     mavlink_port, neighbour_port = _free_udp_port("127.0.0.1"), _free_udp_port("127.255.255.255")
     uav = load_config(_CONFIGS / "demo-uav.yaml")
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
     uav = dataclasses.replace(
         _placed(uav, directory / "uav", transport, neighbour_port, out / "log.mcap", claims),
-        autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}"),
+        autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}", gps=gps, forward_vio_hz=0.0 if gps else _VIO_HZ),
     )
     beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
     uav_key, beacon_key = secrets.token_bytes(32), secrets.token_bytes(32)
@@ -76,7 +78,16 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True) -
         _write_key(config.path(config.peers[0].key_file), peer_key)
     scenario = _scenario(uav, beacon, directory, seed)
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
-    return Stage(directory, uav, beacon, scenario, mavlink_port, transport, reason, tuple(claims.values()))
+    return Stage(
+        directory=directory,
+        uav=uav,
+        beacon=beacon,
+        scenario=scenario,
+        mavlink_port=mavlink_port,
+        transport=transport,
+        transport_reason=reason,
+        claims=tuple(claims.values()),
+    )
 
 
 class Cast:
@@ -95,7 +106,8 @@ class Cast:
         self._has_mock = has_mock
         self._stage = stage
         self._out = out
-        self._px4_options = (*_PX4_PARAMETERS, *px4_options)
+        parameters = (*_PX4_PARAMETERS, *(_GPS_DENIED if stage.uav.flies_by_poses else ()))
+        self._px4_options = (*(word for one in parameters for word in ("--param", one)), *px4_options)
         self._processes: dict[str, asyncio.subprocess.Process] = {}
 
     async def __aenter__(self) -> Cast:
@@ -169,13 +181,13 @@ class Cast:
             await process.wait()
 
 
-def _claim_connectors() -> dict[int, socket.socket]:
-    """Two connector indices that no other run on this machine uses, each with the socket that says so.
+def claim_connectors(count: int, among: Iterable[int] = _CONNECTORS) -> dict[int, socket.socket]:
+    """So many connector indices that no other run on this machine uses, each with the socket that says so.
 
     An abstract Unix socket is a lock that the kernel gives back whenever its process ends.
     """
     claims: dict[int, socket.socket] = {}
-    for index in _CONNECTORS:
+    for index in among:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             claim.bind(f"\0wsr-companion-demo-connector-{index}")
@@ -183,7 +195,7 @@ def _claim_connectors() -> dict[int, socket.socket]:
             claim.close()
             continue
         claims[index] = claim
-        if len(claims) == _ROBOTS:
+        if len(claims) == count:
             return claims
     raise CompanionError("every netlink connector index is taken by another demo; wait until one has ended")
 

@@ -9,7 +9,7 @@ import msgspec
 from companion.core.messages import Vector3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleTruth:
     """The true state of the flying vehicle and what its autopilot received, sent by the mock autopilot at 100 Hz."""
 

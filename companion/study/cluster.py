@@ -72,7 +72,7 @@ class DaskRunner:
         seed: int,
         on_done: Callable[[int], None],
     ) -> list[R]:
-        """As `Runner.run`."""
+        """As `TrialRunner.run`."""
         distributed = self._distributed
         todo = list(batches(specs, seed, self._workers))
         futures = {self._client.submit(run_batch, trial, batch, pure=False): batch for batch in todo}

@@ -36,7 +36,7 @@ class GeometryCase:
     phase: Phase
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BoundCurves:
     """Roots of the bounds in degrees at 201 quantiles over the directions [1, 360] x [1, 180] degrees.
 
@@ -77,14 +77,14 @@ def _trial(case: GeometryCase, seed: SeedSequence) -> BoundCurves:
     at = np.minimum(np.searchsorted(solid, _QUANTILES * solid[-1]), order.size - 1)
     unbounded = np.isinf(field.azimuth_rad2) | np.isinf(field.polar_rad2)
     return BoundCurves(
-        case.geometry,
-        case.phase,
-        _quantiles_deg(field.polar_rad2),
-        _quantiles_deg(field.azimuth_rad2),
-        _quantiles_deg(field.polar_alone_rad2),
-        _quantiles_deg(field.azimuth_alone_rad2),
-        np.degrees(np.sqrt(field.great_circle_rad2[order[at]])).tolist(),
-        float(np.mean(unbounded)),
+        geometry=case.geometry,
+        phase=case.phase,
+        theta_deg=_quantiles_deg(field.polar_rad2),
+        phi_deg=_quantiles_deg(field.azimuth_rad2),
+        theta_alone_deg=_quantiles_deg(field.polar_alone_rad2),
+        phi_alone_deg=_quantiles_deg(field.azimuth_alone_rad2),
+        great_circle_deg=np.degrees(np.sqrt(field.great_circle_rad2[order[at]])).tolist(),
+        infinite_share=float(np.mean(unbounded)),
     )
 
 
@@ -120,7 +120,7 @@ def _summarise(rows: Sequence[BoundCurves]) -> Summary:
         [
             f"{_LENGTH_M} m of path, {_PACKETS} packets, one-way phase with variance {_PHASE_VARIANCE_RAD2} rad^2, "
             "channel 108; equal length, so the helix has 0.82 of the circle's radius.",
-            "The paper gives an order and no numbers. Where ours differs, docs/maths.md says why.",
+            "The paper gives an order and no numbers. Where ours differs, docs/results/studies.md says why.",
         ],
     )
 

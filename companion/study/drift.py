@@ -211,7 +211,7 @@ def _ramp(rows: Sequence[DriftRow]) -> str:
 
 _NOTES = (
     "Medians over the trials. The table's errors grow in proportion to the ATE, which the highest point of a profile "
-    "at 5 GHz does not do beyond 0.1 m: docs/maths.md shows what the table must have assumed.",
+    "at 5 GHz does not do beyond 0.1 m: docs/results/studies.md shows what the table must have assumed.",
     "robust takes the root of a product itself, so two-way and one-way phase differ only in the wavelength it is told.",
 )
 

@@ -34,7 +34,7 @@ class ProcessRunner:
         seed: int,
         on_done: Callable[[int], None],
     ) -> list[R]:
-        """As `Runner.run`."""
+        """As `TrialRunner.run`."""
         todo = list(batches(specs, seed, self.jobs))
         rows: dict[int, list[R]] = {}
         context = multiprocessing.get_context("spawn")

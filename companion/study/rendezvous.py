@@ -50,8 +50,8 @@ class MissionCase:
         return f"{'occluded' if self.occluded else 'open'}, {'moving' if self.moving else 'static'}"
 
 
-@dataclass(frozen=True, slots=True)
-class MissionStep:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlownIteration:
     """One SAR iteration; None where it gave no estimate. `crb_deg` is the great-circle bound of the estimate at its own
     noise, `informativeness_deg` the same of the aperture as the service logs it, `worst_deg` in the worst direction."""
 
@@ -67,14 +67,14 @@ class MissionStep:
     refusal: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionRow:
     scene: str
     reached: bool
     time_s: float
     closest_m: float
     end: str
-    steps: list[MissionStep]
+    steps: list[FlownIteration]
     flown_on: bool
     arrived_m: float | None
     """How far apart they were when a vehicle that was flown on called itself arrived."""
@@ -99,33 +99,33 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     result = fly(world, seed, _MAX_TIME_S, case.flies_on)
     steps = [_step(point) for point in result.points]
     return MissionRow(
-        case.name,
-        result.reached,
-        result.time_s,
-        result.closest_m,
-        result.end,
-        steps,
-        case.flies_on,
-        result.arrived_m,
+        scene=case.name,
+        reached=result.reached,
+        time_s=result.time_s,
+        closest_m=result.closest_m,
+        end=result.end,
+        steps=steps,
+        flown_on=case.flies_on,
+        arrived_m=result.arrived_m,
     )
 
 
-def _step(point: MissionPoint) -> MissionStep:
+def _step(point: MissionPoint) -> FlownIteration:
     iteration, estimate = point.iteration, point.iteration.estimate
     towards = np.subtract(point.beacon_enu_m, point.uav_enu_m)
     azimuth, polar = (float(a) for a in angles(towards))
     told = iteration.informativeness
-    return MissionStep(
-        iteration.number,
-        iteration.reference_ns * 1e-9,
-        float(np.linalg.norm(towards)),
-        point.is_beacon_moving,
-        None if estimate is None else aoa_error(estimate.azimuth_rad, estimate.polar_rad, azimuth, polar),
-        None if estimate is None else math.degrees(estimate.crb_rad),
-        None if told is None else _bound_deg(told.source_per_rad2),
-        None if told is None else _bound_deg(told.worst_per_rad2),
-        None if estimate is None else estimate.reliability,
-        iteration.refusal,
+    return FlownIteration(
+        number=iteration.number,
+        time_s=iteration.reference_ns * 1e-9,
+        distance_m=float(np.linalg.norm(towards)),
+        beacon_moving=point.is_beacon_moving,
+        error=None if estimate is None else aoa_error(estimate.azimuth_rad, estimate.polar_rad, azimuth, polar),
+        crb_deg=None if estimate is None else math.degrees(estimate.crb_rad),
+        informativeness_deg=None if told is None else _bound_deg(told.source_per_rad2),
+        worst_deg=None if told is None else _bound_deg(told.worst_per_rad2),
+        reliability=None if estimate is None else estimate.reliability,
+        refusal=iteration.refusal,
     )
 
 

@@ -1,4 +1,4 @@
-"""What a study leaves behind: a table on the terminal, JSON, pictures, and one HTML page with the pictures inside."""
+"""What a study leaves behind: JSON, pictures, and one HTML page with the pictures inside."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rich.table import Table
 
 from companion.study.study import Outcome, Study, Value
 
@@ -19,20 +18,6 @@ body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto
 table { border-collapse: collapse; margin: 1rem 0 } td, th { padding: .2rem .8rem; border-bottom: 1px solid #ddd }
 td.n { text-align: right; font-variant-numeric: tabular-nums } img { max-width: 100% } .note { color: #555 }
 """
-
-
-def findings_table(outcome: Outcome) -> Table:
-    """Ours beside the paper's."""
-    title = (
-        f"{outcome.study}: {outcome.title} (seed {outcome.seed}, {outcome.trials} trials, {outcome.elapsed_s:.1f} s)"
-    )
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column("quantity")
-    for heading in ("ours", "paper"):
-        table.add_column(heading, justify="right")
-    for finding in outcome.findings:
-        table.add_row(finding.quantity, shown(finding.ours, finding.unit), shown(finding.paper, finding.unit))
-    return table
 
 
 def shown(value: Value, unit: str) -> str:

@@ -59,7 +59,7 @@ class Study(Generic[S, R]):
     size_in: tuple[float, float] = (10.0, 4.6)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """One study's result, as `--json` holds it: numbers that are infinite are null there."""
 

@@ -40,7 +40,7 @@ class Batch(Generic[S]):
     seed: int
 
 
-class Runner(Protocol):
+class TrialRunner(Protocol):
     """Carries out trials. `run` returns their rows in the order of the specifications, and calls `on_done` with the
     number of trials each time some have ended. Raises TrialError and RunnerError."""
 

@@ -12,7 +12,6 @@ import logging
 import math
 import tempfile
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -21,8 +20,8 @@ from numpy.random import SeedSequence
 
 from companion.config.schema import AutopilotConfig, Config, CsiConfig, MissionConfig, NeighbourConfig, Peer, PoseConfig
 from companion.core.clock import NS_PER_S
+from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Vector3
-from companion.core.recorder import Recorder
 from companion.flight.loop import Flight
 from companion.mission.table import State
 from companion.neighbours import wire
@@ -31,13 +30,22 @@ from companion.neighbours.sender import NeighbourSender
 from companion.pose.intake import PoseIntake
 from companion.roles.beacon import Beacon
 from companion.sensing.iterations import SarIterations
+from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import Iteration
 from companion.sensing.window import SarWindow
-from companion.sensing.worker_process import AoaProcess
 from companion.sim.scenario import Scenario
 from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
 from companion.study.virtual_clock import VirtualClock
-from companion.study.virtual_parts import AIRFRAME_S, BEACON_ID, UAV_ID, CameraFeed, InlineWorker, RadioFeed, Vehicle
+from companion.study.virtual_parts import (
+    AIRFRAME_S,
+    BEACON_ID,
+    UAV_ID,
+    CameraFeed,
+    InlineWorker,
+    NullRecorder,
+    RadioFeed,
+    Vehicle,
+)
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions
 
@@ -141,6 +149,7 @@ class _World:
         settings = config()
         self._clock = clock
         self._flies_on = flies_on
+        self._iterations: list[Iteration] = []
         self._reached: _Reached | None = None
         self._end_ns = _START_NS + round(max_time_s * NS_PER_S)
         self._vehicle = Vehicle(gust_seed, settings.mission.takeoff_height_m, clock)
@@ -158,27 +167,33 @@ class _World:
         self._beacon = Beacon(self._sender)
         self._cameras = (CameraFeed(scenario, 0), CameraFeed(scenario, 1))
         self._worker = InlineWorker(settings.aperture.estimator, clock)
+        self._intake = PoseIntake(settings.pose, clock, self._cameras[0], self._window.add_pose)
+        event_clock, recorder = EventClock(clock), NullRecorder()
         self._sar = SarIterations(
-            self._window,
-            cast(AoaProcess, self._worker),
-            receiver.neighbours,
-            settings.aperture,
-            clock,
-            self._on_iteration,
+            window=self._window,
+            worker=self._worker,
+            neighbours=receiver.neighbours,
+            config=settings.aperture,
+            clock=event_clock,
+            recorder=recorder,
+            lookalikes=Lookalikes({BEACON_ID: "beacon"}),
+            pose_problem=self._intake.problem_between,
         )
-        intake = SimpleNamespace(
-            age_s=lambda: 0.0, problem=str, north_problem=str, is_lost=lambda: False, add_heading=lambda *_: None
-        )
-        recorder = cast(Recorder, SimpleNamespace(record=lambda *_: None, failed=False, counters=dict))
         self.flight = Flight(
-            settings, clock, cast(PoseIntake, intake), receiver.neighbours, self._vehicle, self._sar, recorder
+            config=settings,
+            clock=event_clock,
+            intake=self._intake,
+            neighbours=receiver.neighbours,
+            autopilot=self._vehicle,
+            sar=self._sar,
+            recorder=recorder,
         )
+        self._sar.iterations.connect(self._iterations.append, self.flight.knowledge.add_iteration)
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
         self._moving_from_s = math.inf
-        self._iterations: list[Iteration] = []
 
     def live(self, now_ns: int) -> bool:
         """Lives on until `now_ns`; False when the mission is over."""
@@ -192,12 +207,12 @@ class _World:
             self._deliver(self._batch_s, self._step_s)
             self._batch_s = self._step_s
         for result in self._worker.due(now_ns):
-            self._sar.take(result)
+            self._sar.take_answer(result)
         if self._reached is None and self._truth and math.dist(*self._truth[-1][1:]) <= RENDEZVOUS_M:
             self._reached = _Reached(now_ns, len(self._truth), len(self._iterations))
         refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
         if refused and now_ns >= _START_NS:
-            self._engaging = asyncio.ensure_future(self.flight.engage())
+            self._engaging = asyncio.ensure_future(self.flight.wishes.engage())
         return not self._is_over(now_ns)
 
     def result(self, ended_in: State) -> MissionResult:
@@ -227,10 +242,10 @@ class _World:
         beacon = self._drive.trajectory(max(0.0, from_s - _BATCH_S), until_s)
         self._note_truth(until_s, uav, beacon)
         for pose in self._cameras[0].poses(until_s, uav):
-            self._window.add_pose(pose)
+            self._intake.take(pose)
         self._share_poses(self._cameras[1].poses(until_s, beacon))
         # Between legs nothing is measured: one batch now and then shows that the target is there.
-        idle = self._sar.start_ns is None and round(until_s / _BATCH_S) % 3
+        idle = not self._sar.is_measuring and round(until_s / _BATCH_S) % 3
         if idle:
             self._radio.skip_to(until_s)
         else:
@@ -238,7 +253,7 @@ class _World:
                 if peer_is_beacon:
                     self._window.add_sample(sample)
                     self._receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
-                    self.flight.heard(sample.peer, sample.t_mono_ns)
+                    self.flight.knowledge.heard(sample)
                 else:
                     self._beacon.add_sample(sample)
         for datagram in self._sender.datagrams(round(until_s * NS_PER_S) + self._beacon_clock_ns):
@@ -263,10 +278,6 @@ class _World:
         self._drive.watch(t_s, math.dist(u, b))
         if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
             self._moving_from_s = t_s
-
-    def _on_iteration(self, iteration: Iteration, profile: bytes) -> None:
-        self._iterations.append(iteration)
-        self.flight.take(iteration, profile)
 
     def _point(self, iteration: Iteration) -> MissionPoint:
         t_s = iteration.reference_ns / NS_PER_S

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+from typing import Any
 
 import numpy as np
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
+from companion.core.streams import Stream
 from companion.pose.source import BodyFrame
 from companion.radio.card import ANTENNAS, ChannelSample
 from companion.sensing.worker import compute
@@ -27,7 +29,7 @@ from wsr.estimators import ESTIMATORS
 UAV_ID, BEACON_ID = 1, 2
 PARAMETERS = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
-    "EKF2_EV_CTRL": 0,
+    "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8,
 }  # fmt: skip
 """Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025
@@ -66,10 +68,21 @@ class Vehicle:
     def state(self) -> VehicleState:
         now_ns = self._clock.now_ns()
         return VehicleState(
-            now_ns, now_ns, self._mode, now_ns, True, True, False, now_ns,
-            self.airframe.estimated_p_enu_m, self.airframe.v_enu_m_s, self.airframe.yaw_enu_rad, 1.0, now_ns, True,
-            now_ns,
-        )  # fmt: skip
+            t_mono_ns=now_ns,
+            heartbeat_mono_ns=now_ns,
+            mode=self._mode,
+            mode_mono_ns=now_ns,
+            armed=True,
+            in_air=True,
+            position_mono_ns=now_ns,
+            p_local_enu_m=self.airframe.estimated_p_enu_m,
+            v_local_enu_m_s=self.airframe.v_enu_m_s,
+            yaw_enu_rad=self.airframe.yaw_enu_rad,
+            battery_remaining=1.0,
+            estimator_mono_ns=now_ns,
+            estimator_healthy=True,
+            timesync_mono_ns=now_ns,
+        )
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
         self._setpoint = setpoint
@@ -91,6 +104,8 @@ class Vehicle:
         self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.RETURN
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
 
     def take_events(self) -> list[AutopilotEvent]:
         return []
@@ -122,22 +137,46 @@ class InlineWorker:
         return done
 
 
+class NullRecorder:
+    """A `companion.core.recorder.Recorder` that keeps nothing."""
+
+    failed = False
+
+    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None: ...
+
+    def counters(self) -> dict[str, int]:
+        return {}
+
+
 class CameraFeed:
-    """A camera with the times of its frames; poses come out in ENU, as the service's pose source gives them."""
+    """A camera with the times of its frames; poses come out in ENU, as the service's pose source gives them. Who flies
+    asks for them: as a `companion.pose.port.Poses` it runs by nothing of its own."""
+
+    malformed = 0
+    resets = 0
 
     def __init__(self, scenario: Scenario, index: int) -> None:
         robot = (scenario.uav, scenario.beacon)[index]
         self._camera = Camera(scenario.vio, scenario.seed, index, robot.frame_yaw_rad)
-        self._body = BodyFrame(robot.frame_yaw_rad)
+        self.align(robot.frame_yaw_rad)
         self._period_s = 1 / scenario.vio.rate_hz
         # The other robot's clock is its own.
         self._offset_ns = round(robot.clock_offset_s * NS_PER_S)
         self._frame = 1
+        self.received = 0
+
+    def align(self, north_yaw_rad: float) -> None:
+        self._body = BodyFrame(north_yaw_rad)
+
+    async def run(self) -> None: ...
+
+    def close(self) -> None: ...
 
     def poses(self, until_s: float, robot: Trajectory) -> list[Pose]:
         count = max(0, math.floor(until_s / self._period_s) + 1 - self._frame)
         t_s = np.arange(self._frame, self._frame + count, dtype=np.float64) * self._period_s
         self._frame += count
+        self.received += count
         p_m, yaw = robot.at(t_s)
         return [
             self._body.pose(self._camera.pose(round(t * NS_PER_S) + self._offset_ns, (p[0], p[1], p[2]), y))

@@ -1,9 +1,16 @@
-"""How long the campaigns of the fault tests are: short in `make test`, full in `make faults`."""
+"""How long the campaigns of the fault tests are: short in `make test`, full in `make faults`. Recordings beyond one of
+each set are tests of their own, which `make test-long` runs as well.
+"""
 
 from __future__ import annotations
 
 import os
 from typing import Final
+
+import pytest
+
+from companion.analysis.runs import find_runs
+from tests.paths import DATA
 
 FULL: Final = os.environ.get("COMPANION_FAULTS") == "full"
 
@@ -15,3 +22,17 @@ def runs(short: int, full: int) -> int:
 
 def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
     return runs(short, full)
+
+
+def recordings(first: bool) -> list[object]:
+    """All recorded runs as parameters of a test; but for the first or else the last of each set they are long."""
+    runs = find_runs(DATA) if DATA.is_dir() else []
+    short = {run.set_name: run for run in (reversed(runs) if first else runs)}
+    return [
+        pytest.param(
+            run,
+            id=f"{run.set_name}-{run.stamp}",
+            marks=[] if run == short[run.set_name] else [pytest.mark.long],
+        )
+        for run in runs
+    ]

@@ -1,8 +1,8 @@
-"""Figures of the fault tests: one JSON for all, from which the table in docs/faults.md is made.
+"""Figures of the fault tests: one JSON for all, from which the table in docs/results/faults.md is made.
 
 A test calls `record(number, test, **figures)`. `python -m tests.faults.figures` puts what the JSON holds into the table
-between the markers of docs/faults.md. A row is one test; those of which the JSON holds nothing stay as they are, so
-that a campaign may be run in pieces. Figures of a short run never take the place of a full one's.
+between the markers of docs/results/faults.md. A row is one test; those of which the JSON holds nothing stay, so that a
+campaign may be run in pieces. Figures of a short run never take the place of a full one's.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.faults.campaigns import FULL
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 ENVIRONMENT: Final = "COMPANION_FAULTS_JSON"
-_DOCUMENT: Final = ROOT / "docs" / "faults.md"
+_DOCUMENT: Final = ROOT / "docs" / "results" / "faults.md"
 _BEGIN, _END = "<!-- generated: faults -->", "<!-- end: faults -->"
 _RUN: Final = "full" if FULL else "short"
 

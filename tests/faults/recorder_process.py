@@ -24,7 +24,10 @@ def main() -> None:
     print("recording", flush=True)
     pose = Pose(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
     position, velocity = (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)
-    vehicle = VehicleState(1, 1, FlightMode.OFFBOARD, 1, True, True, False, 1, position, velocity, 0.5, 0.9)
+    vehicle = VehicleState(
+        t_mono_ns=1, heartbeat_mono_ns=1, mode=FlightMode.OFFBOARD, mode_mono_ns=1, armed=True, in_air=True,
+        position_mono_ns=1, p_local_enu_m=position, v_local_enu_m_s=velocity, yaw_enu_rad=0.5, battery_remaining=0.9,
+    )  # fmt: skip
     start_ns = clock.now_ns()
     for number in range(10**9):
         time.sleep(max(0.0, (start_ns + number * 5_000_000 - clock.now_ns()) / 1e9))

@@ -5,6 +5,7 @@ It is `companion run` in every other respect. Orders come as text datagrams on `
     block SECONDS      the event loop stands still (time.sleep)
     raise TASK         the task of that name raises
     wall SECONDS       the wall clock is stepped, as this process sees it
+    suspend SECONDS    the host was suspended, as this process sees it: CLOCK_BOOTTIME has gone on, no other clock
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from typing import Any
 
 from companion import app
 from companion.config.file import load_config
-from companion.config.schema import Config
 from companion.host.unix_datagram import bind_datagram_socket
 
 _bombs: dict[str, asyncio.Event] = {}
@@ -56,19 +56,21 @@ def _step_wall_clock(seconds: float) -> None:
     time.time_ns = lambda: true_ns() + round(seconds * 1e9)
 
 
+def _suspend(seconds: float) -> None:
+    true_ns = time.clock_gettime_ns
+    time.clock_gettime_ns = lambda clock: true_ns(clock) + (round(seconds * 1e9) if clock == time.CLOCK_BOOTTIME else 0)
+
+
 def _obey(orders: socket.socket) -> None:
     command, argument = orders.recv(1024).decode().split(maxsplit=1)
     if command == "block":
         time.sleep(float(argument))
     elif command == "wall":
         _step_wall_clock(float(argument))
+    elif command == "suspend":
+        _suspend(float(argument))
     elif command == "raise":
         _bombs.setdefault(argument, asyncio.Event()).set()
-
-
-async def _serve(config: Config, orders: socket.socket) -> None:
-    asyncio.get_running_loop().add_reader(orders.fileno(), _obey, orders)
-    await app.serve(config)
 
 
 def main() -> None:
@@ -78,7 +80,7 @@ def main() -> None:
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     asyncio.TaskGroup.create_task = _create_armed  # type: ignore[method-assign,assignment]
     with bind_datagram_socket(config.path("faults.sock")) as orders:
-        asyncio.run(_serve(config, orders))
+        app.run_service(config, lambda: asyncio.get_running_loop().add_reader(orders.fileno(), _obey, orders))
 
 
 if __name__ == "__main__":

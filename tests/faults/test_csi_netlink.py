@@ -4,26 +4,35 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Iterator
 
 import pytest
 
 from csi_bridge.encoder import encode_body
-from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
+from csi_bridge.netlink import NetlinkFeeder, NetlinkSource
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, CsiRecord
 from csi_bridge.source import CsiSource
+from tests.connectors import claimed, needs_netlink
 from tests.csi_records import record, same
 
-IDX = 19
-"""Not the driver's index, so that a service on this machine is not disturbed."""
-UNAVAILABLE = connector_available(IDX)
-
-pytestmark = pytest.mark.skipif(UNAVAILABLE is not None, reason=f"netlink connector: {UNAVAILABLE}")
+pytestmark = needs_netlink
 
 
-async def test_records_through_the_kernel_and_the_event_loop() -> None:
-    source: CsiSource = NetlinkSource(IDX, require_kernel_sender=False)
-    feeder = NetlinkFeeder(IDX)
+@pytest.fixture
+def groups() -> Iterator[list[int]]:
+    with claimed(2) as indices:
+        yield indices
+
+
+@pytest.fixture
+def idx(groups: list[int]) -> int:
+    return groups[0]
+
+
+async def test_records_through_the_kernel_and_the_event_loop(idx: int) -> None:
+    source: CsiSource = NetlinkSource(idx, require_kernel_sender=False)
+    feeder = NetlinkFeeder(idx)
     received: asyncio.Queue[tuple[int, bytes]] = asyncio.Queue()
     loop = asyncio.get_running_loop()
 
@@ -45,9 +54,9 @@ async def test_records_through_the_kernel_and_the_event_loop() -> None:
     source.close()
 
 
-def test_another_process_is_refused_where_the_kernel_is_demanded() -> None:
-    source = NetlinkSource(IDX)
-    feeder = NetlinkFeeder(IDX)
+def test_another_process_is_refused_where_the_kernel_is_demanded(idx: int) -> None:
+    source = NetlinkSource(idx)
+    feeder = NetlinkFeeder(idx)
     for _ in range(3):
         assert feeder.send(CSI_CODE, b"forged")
     assert source.drain() == []
@@ -56,22 +65,23 @@ def test_another_process_is_refused_where_the_kernel_is_demanded() -> None:
     source.close()
 
 
-def test_other_connector_groups_are_not_heard_and_garbage_is_counted() -> None:
-    source = NetlinkSource(IDX, require_kernel_sender=False)
-    feeder = NetlinkFeeder(IDX + 1)
+def test_other_connector_groups_are_not_heard_and_garbage_is_counted(groups: list[int]) -> None:
+    idx, other = groups
+    source = NetlinkSource(idx, require_kernel_sender=False)
+    feeder = NetlinkFeeder(other)
     feeder.send(CSI_CODE, b"elsewhere")
     with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, 11) as raw:
         raw.bind((0, 0))
-        raw.sendto(b"garbage".ljust(60), (0, 1 << (IDX - 1)))
+        raw.sendto(b"garbage".ljust(60), (0, 1 << (idx - 1)))
     assert source.drain() == []
     assert (source.counters.datagrams, source.counters.malformed) == (1, 1)
     feeder.close()
     source.close()
 
 
-def test_fault_12_flood_over_the_socket_buffer_goes_on() -> None:
-    source = NetlinkSource(IDX, require_kernel_sender=False, receive_buffer_bytes=64 << 10)
-    feeder = NetlinkFeeder(IDX)
+def test_fault_12_flood_over_the_socket_buffer_goes_on(idx: int) -> None:
+    source = NetlinkSource(idx, require_kernel_sender=False, receive_buffer_bytes=64 << 10)
+    feeder = NetlinkFeeder(idx)
     body = encode_body(record())
     for _ in range(2000):
         feeder.send(CSI_CODE, body)

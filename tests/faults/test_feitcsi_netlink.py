@@ -54,7 +54,7 @@ async def test_the_connectors_suite_unchanged(monkeypatch: pytest.MonkeyPatch) -
     }
     for name, value in replaced.items():
         monkeypatch.setattr(suite, name, value)
-    await suite.test_records_through_the_kernel_and_the_event_loop()
+    await suite.test_records_through_the_kernel_and_the_event_loop(IDX)
 
 
 @pytest.mark.parametrize(("kind", "width_mhz"), [(Format.HT, 20), (Format.HE, 80), (Format.HE, 160)])

@@ -24,6 +24,7 @@ from companion.flight.loop import Flight
 from companion.log.recorder import McapRecorder
 from companion.mission.table import State
 from companion.radio.card import ANTENNAS, ChannelSample
+from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.safety.preflight import REQUIREMENTS
 from companion.sensing.iterations import SarIterations
@@ -45,7 +46,7 @@ _MODES = {
     Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF,
     Mode.RTL: FlightMode.RETURN,
 }  # fmt: skip
-_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0}  # fmt: skip # noqa: E501
+_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8}  # fmt: skip # noqa: E501
 
 
 class _Clock(ManualClock):
@@ -76,10 +77,22 @@ class _Autopilot:
         now_ns, commander = self._clock.now_ns(), self.commander
         airframe = commander.airframe
         return VehicleState(
-            now_ns, now_ns, _MODES.get(commander.mode, FlightMode.OTHER), now_ns, commander.armed, not commander.landed,
-            commander.failsafe, now_ns, airframe.p_enu_m, airframe.v_enu_m_s, airframe.yaw_enu_rad, 0.9, now_ns, True,
-            now_ns,
-        )  # fmt: skip
+            t_mono_ns=now_ns,
+            heartbeat_mono_ns=now_ns,
+            mode=_MODES.get(commander.mode, FlightMode.OTHER),
+            mode_mono_ns=now_ns,
+            armed=commander.armed,
+            in_air=not commander.landed,
+            failsafe=commander.failsafe,
+            position_mono_ns=now_ns,
+            p_local_enu_m=airframe.p_enu_m,
+            v_local_enu_m_s=airframe.v_enu_m_s,
+            yaw_enu_rad=airframe.yaw_enu_rad,
+            battery_remaining=0.9,
+            estimator_mono_ns=now_ns,
+            estimator_healthy=True,
+            timesync_mono_ns=now_ns,
+        )
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
         assert setpoint.p_local_enu_m is not None
@@ -87,6 +100,8 @@ class _Autopilot:
         self.commander.set_point(Demand(setpoint.p_local_enu_m, setpoint.v_local_enu_m_s), self._clock.now_ns())
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
+
+    def set_origin(self, latitude_deg: float, longitude_deg: float) -> None: ...
 
     def take_events(self) -> list[AutopilotEvent]:
         return []
@@ -131,9 +146,23 @@ class _Worker:
         infinite = ((1e-3, 0.0, 0.0), (0.0, math.inf, 0.0), (0.0, 0.0, math.inf))
         place = (0.0, 0.0, 0.0)
         estimate = AoaEstimate(
-            azimuth, math.pi / 2, 0.03, math.inf, infinite, 0.02, 0.9, 0.9, True, False, (), aperture.packets, 1.2,
-            place, place, float(aperture.t_s.mean()),
-        )  # fmt: skip
+            azimuth_rad=azimuth,
+            polar_rad=math.pi / 2,
+            azimuth_std_rad=0.03,
+            polar_std_rad=math.inf,
+            covariance=infinite,
+            crb_rad=0.02,
+            coherence=0.9,
+            reliability=0.9,
+            azimuth_observable=True,
+            polar_observable=False,
+            alternatives=(),
+            packets=aperture.packets,
+            length_m=1.2,
+            extents_m=place,
+            reference_p_m=place,
+            reference_t_s=float(aperture.t_s.mean()),
+        )
         self.waiting.append(AoaResult(self.submitted, peer, 0.01, estimate, bytes(180 * 360 * 2)))
         self.submitted += 1
         return self.submitted - 1
@@ -150,27 +179,32 @@ class _Service:
         mission = replace(stage.uav.mission, limit_s=1e6, hold_limit_s=hold_limit_s)
         uav = replace(stage.uav, mission=mission, gate=replace(stage.uav.gate, **gate))
         self.clock = _Clock(10**12)
-        self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, EventClock(self.clock))
+        clock = EventClock(self.clock)
+        self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, clock)
         aperture = uav.aperture
         wavelength = wavelength_m(uav.csi.channel)
         window = SarWindow(uav.pose.antenna_m, wavelength, aperture.min_packets, aperture.max_pose_gap_s)
-        self.node = Node(uav, self.clock, self.recorder, window.add_sample, window.add_pose)
-        self.beacon = Node(stage.beacon, self.clock, self.recorder, window.add_sample, lambda _: None)
+        self.node = Node(uav, clock, self.recorder, LiveInputs(uav))
+        self.node.poses.connect(window.add_pose)
+        self.beacon = Node(stage.beacon, clock, self.recorder, LiveInputs(stage.beacon))
         self.worker, self.autopilot = _Worker(), _Autopilot(self.clock, gusts)
+        neighbours, intake = self.node.receiver.neighbours, self.node.intake
         self.sar = SarIterations(
-            window, self.worker, self.node.receiver.neighbours, aperture, self.clock,
-            lambda iteration, profile: self.flight.take(iteration, profile), self.node.intake.problem_between,
+            window=window, worker=self.worker, neighbours=neighbours, config=aperture, clock=clock,
+            recorder=self.recorder, lookalikes=self.node.lookalikes, pose_problem=intake.problem_between,
         )  # fmt: skip
         self.flight = Flight(
-            uav, self.clock, self.node.intake, self.node.receiver.neighbours, self.autopilot, self.sar, self.recorder
-        )
-        self._window = window
+            config=uav, clock=clock, intake=intake, neighbours=neighbours, autopilot=self.autopilot, sar=self.sar,
+            recorder=self.recorder,
+        )  # fmt: skip
+        self.sar.iterations.connect(self.flight.knowledge.add_iteration)
+        self.node.samples.connect(window.add_sample, self.flight.knowledge.heard)
         self._frame = 0
 
     def close(self) -> None:
         self.recorder.close()
         for node in (self.node, self.beacon):
-            node._poses.close()
+            node._pose_source.close()
             node._source.close()
 
     async def tick(self) -> None:
@@ -182,7 +216,7 @@ class _Service:
         for datagram in self.beacon.sender.datagrams(now_ns):
             self.node.receiver.take(datagram)
         while self.worker.waiting:
-            self.sar.take(self.worker.waiting.pop(0))
+            self.sar.take_answer(self.worker.waiting.pop(0))
         self.flight.tick(now_ns)
         await asyncio.sleep(0)
 
@@ -195,9 +229,7 @@ class _Service:
         csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
         csi[:, 0] = 10 + 10j
         self._frame += 1
-        self._window.add_sample(ChannelSample(2, self._frame, now_ns, nic_us, csi, -50.0))
-        self.node.receiver.neighbours[2].add_forward(self._frame, now_ns, nic_us)
-        self.flight.heard(2, now_ns)
+        self.node.samples.give(ChannelSample(2, self._frame, now_ns, nic_us, csi, -50.0))
         self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
 
 
@@ -220,7 +252,7 @@ async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_fa
             for index in range(minutes * 60 * _RATE_HZ):
                 await service.tick()
                 if index == 2 * _RATE_HZ:
-                    assert await service.flight.engage() == ""
+                    assert await service.flight.wishes.engage() == ""
                 if index == minutes * 60 * _RATE_HZ // 2:
                     settled = {"mib": _resident_mib(), "files": _open_files(), "tasks": len(asyncio.all_tasks())}
             grown_mib = _resident_mib() - settled["mib"]
@@ -250,7 +282,7 @@ async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
             for index in range(75 * _RATE_HZ):
                 await service.tick()
                 if index == 2 * _RATE_HZ:
-                    assert await service.flight.engage() == ""
+                    assert await service.flight.wishes.engage() == ""
                 refused += bool(service.flight._refusals) and service.flight._streaming
                 farthest_m = max(farthest_m, math.hypot(*service.autopilot.commander.airframe.p_enu_m[:2]))
                 if service.flight.state not in states[-1:]:

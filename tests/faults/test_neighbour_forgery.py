@@ -18,10 +18,10 @@ from companion.neighbours.link import Link
 from companion.neighbours.neighbour import Standing
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
+from tests.datagrams import KEY, KEYS, boot, datagram
 from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
 from tests.mutation import mutant
-from tests.unit.companion.neighbours.test_wire import KEY, KEYS, boot, datagram
 
 SEED = 20
 MUTANTS = runs(10_000, 1_000_000)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -20,23 +22,20 @@ from companion.study.virtual_clock import VirtualClock
 from companion.study.virtual_mission import _World, with_levers
 from companion.study.virtual_parts import RadioFeed
 from csi_bridge.encoder import encode_body
-from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
+from csi_bridge.netlink import NetlinkFeeder, NetlinkSource
 from csi_bridge.records import CSI_CODE, CsiRecord
+from tests.connectors import claimed, needs_netlink
 from tests.csi_records import MAC, record
 from tests.faults.figures import record as note
-
-IDX = 18
-UNAVAILABLE = connector_available(IDX)
-needs_netlink = pytest.mark.skipif(UNAVAILABLE is not None, reason=f"netlink connector: {UNAVAILABLE}")
 
 
 class Card:
     """A driver that counts and stamps, and a service's radio behind the real connector."""
 
-    def __init__(self, receive_buffer_bytes: int = 1 << 20) -> None:
+    def __init__(self, idx: int, receive_buffer_bytes: int) -> None:
         self.clock = ManualClock(1000 * NS_PER_S)
-        self.source = NetlinkSource(IDX, require_kernel_sender=False, receive_buffer_bytes=receive_buffer_bytes)
-        self.feeder = NetlinkFeeder(IDX)
+        self.source = NetlinkSource(idx, require_kernel_sender=False, receive_buffer_bytes=receive_buffer_bytes)
+        self.feeder = NetlinkFeeder(idx)
         self.samples: list[ChannelSample] = []
         self.radio = Radio(self.source, {MAC: 2}, self.clock, self.samples.append, lambda *_: None)
         self.count = 65_000  # wraps soon
@@ -55,53 +54,58 @@ class Card:
     def restart(self) -> None:
         self.count, self.stamp_us = 0, 17
 
-    def close(self) -> None:
-        self.feeder.close()
-        self.source.close()
-
     def _stamped(self, plain: CsiRecord) -> CsiRecord:
         return dataclasses.replace(plain, bfee_count=self.count, timestamp_low_us=self.stamp_us)
 
 
+@contextmanager
+def _card(receive_buffer_bytes: int = 1 << 20) -> Iterator[Card]:
+    with claimed(1) as (idx,):
+        card = Card(idx, receive_buffer_bytes)
+        try:
+            yield card
+        finally:
+            card.feeder.close()
+            card.source.close()
+
+
 @needs_netlink
 def test_fault_12_a_flood_is_survived_and_its_loss_counted_exactly_across_the_wrap() -> None:
-    card = Card(receive_buffer_bytes=64 << 10)
-    card.send(100)
-    sent = 3000
-    card.send(sent, period_s=0.0005, drained=False)
-    before = len(card.samples)
-    while len(card.samples) > before or card.source.counters.overruns == 0:
+    with _card(receive_buffer_bytes=64 << 10) as card:
+        card.send(100)
+        sent = 3000
+        card.send(sent, period_s=0.0005, drained=False)
         before = len(card.samples)
-        card.radio.drain()
-    card.send(1)  # the first that comes through shows what was lost
-    lost = 100 + sent + 1 - len(card.samples)
-    assert card.source.counters.overruns >= 1
-    assert card.radio.counters.lost == lost
-    assert 0 < lost < sent
-    card.send(50)
-    assert len(card.samples) + lost == 100 + sent + 51
-    note(12, "flood over the socket buffer", sent=sent, lost=lost, counted=card.radio.counters.lost)
-    card.close()
+        while len(card.samples) > before or card.source.counters.overruns == 0:
+            before = len(card.samples)
+            card.radio.drain()
+        card.send(1)  # the first that comes through shows what was lost
+        lost = 100 + sent + 1 - len(card.samples)
+        assert card.source.counters.overruns >= 1
+        assert card.radio.counters.lost == lost
+        assert 0 < lost < sent
+        card.send(50)
+        assert len(card.samples) + lost == 100 + sent + 51
+        note(12, "flood over the socket buffer", sent=sent, lost=lost, counted=card.radio.counters.lost)
 
 
 @needs_netlink
 def test_fault_15_a_restarted_driver_is_back_at_once() -> None:
-    card = Card()
-    card.send(400)
-    card.clock.advance(3.0)
-    card.restart()
-    start_ns, before = card.clock.now_ns(), len(card.samples)
-    card.send(200)
-    back_s = (card.samples[before].t_mono_ns - start_ns) / NS_PER_S
-    assert len(card.samples) == before + 200
-    assert card.radio.nic_clock.resets == 1
-    assert card.radio.counters.restarts == 1
-    assert card.radio.counters.lost == 0  # a count from zero says nothing of records between
-    assert 0 < back_s <= 2.0
-    late_ns = [abs(s.t_mono_ns - start_ns - (i + 1) * 5_000_000) for i, s in enumerate(card.samples[before:])]
-    assert max(late_ns) < 200_000
-    note(15, "driver restarts", back_after_s=back_s, records_missed=0)
-    card.close()
+    with _card() as card:
+        card.send(400)
+        card.clock.advance(3.0)
+        card.restart()
+        start_ns, before = card.clock.now_ns(), len(card.samples)
+        card.send(200)
+        back_s = (card.samples[before].t_mono_ns - start_ns) / NS_PER_S
+        assert len(card.samples) == before + 200
+        assert card.radio.nic_clock.resets == 1
+        assert card.radio.counters.restarts == 1
+        assert card.radio.counters.lost == 0  # a count from zero says nothing of records between
+        assert 0 < back_s <= 2.0
+        late_ns = [abs(s.t_mono_ns - start_ns - (i + 1) * 5_000_000) for i, s in enumerate(card.samples[before:])]
+        assert max(late_ns) < 200_000
+        note(15, "driver restarts", back_after_s=back_s, records_missed=0)
 
 
 @pytest.mark.parametrize("state", [State.ACQUIRING, State.APPROACHING])

@@ -1,5 +1,5 @@
 """Every recording through the live path (feed, connector, netlink source, pairing over real UDP) gives the bearing that
-`companion analyze` gives. One run of each set here; all of them by `make faults`."""
+`companion analyze` gives. One run of each set here; all of them by `make test-long`."""
 
 from __future__ import annotations
 
@@ -8,28 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from companion.analysis.runs import Run, find_runs
+from companion.analysis.runs import Run
 from companion.analysis.trajectories import PoseKind
 from companion.neighbours.sender import BYTES_PER_S
 from tests.csi_records import needs_data
-from tests.faults.campaigns import FULL
+from tests.faults.campaigns import recordings
 from tests.faults.figures import record as note
 from tests.live_run import run_live, transport
-from tests.paths import DATA
 
 APART_DEG = 0.1
 
 
-def chosen() -> list[Run]:
-    runs = find_runs(DATA) if DATA.is_dir() else []
-    if FULL:
-        return runs
-    # The last of each: of wsr_3d it is the one in which least adds up coherently.
-    return list({run.set_name: run for run in runs}.values())
-
-
 @needs_data
-@pytest.mark.parametrize("run", chosen(), ids=lambda run: f"{run.set_name}-{run.stamp}")
+# The last of each set in `make test`: of wsr_3d it is the one in which least adds up coherently.
+@pytest.mark.parametrize("run", recordings(first=False))
 async def test_fault_00_a_recording_gives_the_same_bearing_live_and_analysed(run: Run, tmp_path: Path) -> None:
     kind = PoseKind.MOCAP if PoseKind.MOCAP in run.trajectories else PoseKind.T265
     links = await run_live(run, kind, tmp_path)

@@ -110,7 +110,9 @@ class Flying:
             await self.px4("offboard accept")
             if state not in ("idle", "latched"):
                 await self.let_go()
-            if not (await self.px4()).landed:
+            while (now := await self.px4()).armed and now.p_enu_m[2] <= 0:  # noqa: ASYNC110 - it is polled
+                await asyncio.sleep(0.1)  # PX4 takes seconds to see that it stands
+            if not now.landed:
                 await self.px4("pilot HOLD")  # a person hands over in hold, or the engagement is refused
             await self.engage()
         await self.in_state(*(states or IN_OFFBOARD))
@@ -199,7 +201,14 @@ async def _follow(flight: Flying) -> None:
             with suppress(CompanionError, OSError, TypeError):  # not there yet, or its position is not known yet
                 state = (await flight.status())["vehicle"]
                 now = truth.VehicleTruth(
-                    time.monotonic_ns(), tuple(state["p_local_enu_m"]), tuple(state["v_local_enu_m_s"]),
-                    state["yaw_enu_rad"], state["mode"].upper(), state["armed"], 0, 0, 0.0,
-                )  # fmt: skip
+                    t_mono_ns=time.monotonic_ns(),
+                    p_enu_m=tuple(state["p_local_enu_m"]),
+                    v_enu_m_s=tuple(state["v_local_enu_m_s"]),
+                    yaw_enu_rad=state["yaw_enu_rad"],
+                    mode=state["mode"].upper(),
+                    armed=state["armed"],
+                    setpoints=0,
+                    setpoints_in_offboard=0,
+                    offboard_s=0.0,
+                )
                 out.sendto(truth.encode(now), flight.stage.scenario.truth_in)

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,18 +15,27 @@ import yaml
 
 from companion.config.file import load_config
 from companion.radio.checks import System, static_checks
-from csi_bridge.netlink import NetlinkSource, connector_available
+from csi_bridge.netlink import NetlinkSource
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
 from csi_bridge.replay import read_tape
+from tests.connectors import claimed, needs_netlink
 from tests.csi_records import needs_data
 from tests.paths import CONFIGS, DATA
 
-IDX = 17
-UNAVAILABLE = connector_available(IDX)
-needs_netlink = pytest.mark.skipif(UNAVAILABLE is not None, reason=f"netlink connector: {UNAVAILABLE}")
 RUN = DATA / "wsr_dataset_dev/LOS_Set_A/0627_2D-multi-link_A_L2"
 SAMPLE = DATA / "csi_samples" / "sample_0x5_64_3000.dat"
+
+
+@pytest.fixture
+def groups() -> Iterator[list[int]]:
+    with claimed(2) as indices:
+        yield indices
+
+
+@pytest.fixture
+def idx(groups: list[int]) -> int:
+    return groups[0]
 
 
 def companion(*arguments: str | Path) -> subprocess.Popen[str]:
@@ -39,10 +49,10 @@ def companion(*arguments: str | Path) -> subprocess.Popen[str]:
 
 @needs_data
 @needs_netlink
-def test_feed_plays_every_record_in_order_at_its_pace(tmp_path: Path) -> None:
-    source = NetlinkSource(IDX, require_kernel_sender=False, receive_buffer_bytes=16 << 20)
+def test_feed_plays_every_record_in_order_at_its_pace(idx: int, tmp_path: Path) -> None:
+    source = NetlinkSource(idx, require_kernel_sender=False, receive_buffer_bytes=16 << 20)
     started_s = time.monotonic()
-    process = companion("feed", SAMPLE, "--connector-idx", str(IDX), "--rate", "2", "--json", tmp_path / "r.json")
+    process = companion("feed", SAMPLE, "--connector-idx", str(idx), "--rate", "2", "--json", tmp_path / "r.json")
     heard: list[tuple[int, bytes]] = []
     while process.poll() is None:
         heard += source.drain()
@@ -85,41 +95,49 @@ def test_a_file_that_is_no_log_is_one_clear_line(tmp_path: Path) -> None:
 
 @needs_data
 def test_feed_says_when_there_is_no_service_to_hear_it(tmp_path: Path) -> None:
-    processes = [companion("feed", SAMPLE, "--unix", tmp_path / "nobody.sock")]
-    if UNAVAILABLE is None:
-        processes.append(companion("feed", SAMPLE, "--connector-idx", "31"))
-    for process in processes:
-        _, err = process.communicate(timeout=60)
-        assert process.returncode == 1
-        assert "start the service first" in err
-        assert "Traceback" not in err
+    _feed_nobody("--unix", tmp_path / "nobody.sock")
 
 
 @needs_data
 @needs_netlink
-def test_doctor_finds_the_group_that_the_driver_really_reports_in(tmp_path: Path) -> None:
+def test_feed_says_when_nobody_listens_to_the_connector(idx: int) -> None:
+    _feed_nobody("--connector-idx", str(idx))
+
+
+def _feed_nobody(*where: str | Path) -> None:
+    process = companion("feed", SAMPLE, *where)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "start the service first" in err
+    assert "Traceback" not in err
+
+
+@needs_data
+@needs_netlink
+def test_doctor_finds_the_group_that_the_driver_really_reports_in(groups: list[int], tmp_path: Path) -> None:
+    idx, other = groups
     config = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text())
-    config["csi"]["connector_idx"] = IDX + 1
+    config["csi"]["connector_idx"] = other
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
     doctor = companion("doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "3")
-    feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(IDX))
+    feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(idx))
     out, _ = doctor.communicate(timeout=60)
     feed.terminate()
     feed.communicate()
-    assert re.search(rf"records came elsewhere: .*\d+ in group {IDX}\b.*set csi.connector_idx", out), out
+    assert re.search(rf"records came elsewhere: .*\d+ in group {idx}\b.*set csi.connector_idx", out), out
     assert doctor.returncode == 1
 
 
 @needs_data
 @needs_netlink
-def test_doctor_sees_the_antennas_and_packets_of_a_fed_recording(tmp_path: Path) -> None:
+def test_doctor_sees_the_antennas_and_packets_of_a_fed_recording(idx: int, tmp_path: Path) -> None:
     config = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text())
-    config["csi"]["connector_idx"] = IDX
+    config["csi"]["connector_idx"] = idx
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
     doctor = companion(
         "doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "6", "--json", tmp_path / "d.json"
     )
-    feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(IDX), "--rate", "1")
+    feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(idx), "--rate", "1")
     out, _ = doctor.communicate(timeout=60)
     feed.terminate()
     feed.communicate()

@@ -231,18 +231,47 @@ def _burners(count: int) -> Iterator[None]:
 
 
 async def test_fault_05_the_stream_keeps_its_rate_under_load(flying: Flying) -> None:
+    """Each second of it. Where real time is not permitted it is measured alone."""
     await flying.fly()
+    in_real_time = os.sched_getscheduler(flying.cast.pid("uav")) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
+    rates_hz: list[float] = []
     with _burners(2 * (os.cpu_count() or 1)):
         await asyncio.sleep(1.0)
-        begin = await flying.px4("forget gaps")
-        await asyncio.sleep(runs(6, 30))
-        end = await flying.px4()
-    seconds = (end.t_mono_ns - begin.t_mono_ns) / NS_PER_S
-    rate_hz = (end.setpoints_in_offboard - begin.setpoints_in_offboard) / seconds
-    gap_ms = 1000 * end.largest_gap_s
-    record(5, rate_hz=round(rate_hz, 2), largest_gap_ms=round(gap_ms))
-    assert begin.mode == end.mode == "OFFBOARD"
-    assert rate_hz >= 18 and gap_ms <= 150
+        first = before = await flying.px4("forget gaps")
+        for _ in range(runs(6, 30)):
+            await asyncio.sleep(1.0)
+            now = await flying.px4()
+            sent = now.setpoints_in_offboard - before.setpoints_in_offboard
+            rates_hz.append(sent * NS_PER_S / (now.t_mono_ns - before.t_mono_ns))
+            before = now
+    gap_ms = 1000 * before.largest_gap_s
+    record(
+        5,
+        rate_hz=round(sum(rates_hz) / len(rates_hz), 2),
+        worst_second_hz=round(min(rates_hz), 1),
+        largest_gap_ms=round(gap_ms),
+        in_real_time=in_real_time,
+    )
+    if not in_real_time:
+        pytest.skip("real-time priority is not permitted here; measured, not judged")
+    assert first.mode == before.mode == "OFFBOARD"
+    assert min(rates_hz) >= 18 and gap_ms <= 150
+
+
+async def test_fault_41_a_suspended_host_is_latched(flying: Flying) -> None:
+    await flying.fly()
+    await asyncio.sleep(0.5)
+    asked_ns = time.monotonic_ns()
+    flying.fault("suspend 5")
+    status = await flying.in_state("latched", timeout_s=5.0)
+    await asyncio.sleep(1.5)
+    report = await flying.px4()
+    assert report.last_setpoint_mono_ns is not None
+    last_s = (report.last_setpoint_mono_ns - asked_ns) / NS_PER_S
+    record(41, last_set_point_after_s=round(max(0.0, last_s), 3))
+    assert status["reason"] == "stalled" and last_s <= 0.2
+    assert report.mode == "HOLD", "by the autopilot's own failsafe: nobody asked it"
+    assert (await flying.status())["state"] == "latched"
 
 
 async def test_fault_23_a_step_of_the_wall_clock_changes_nothing(flying: Flying) -> None:
@@ -309,7 +338,10 @@ async def test_fault_18_a_jump_of_the_poses_drops_the_aperture_and_moves_nothing
     log = (flying.out / "uav.txt").read_text()
     record(18, top_speed_after_m_s=round(speed_m_s, 2), jumps=status["health"]["poses"]["jump"])
     assert status["health"]["poses"]["jump"] == 1
-    assert begin.vision_reset_counter is not None and end.vision_reset_counter == begin.vision_reset_counter + 1
+    # What the estimator gets goes on without the jump, so nothing is to be set anew by it.
+    assert begin.vision_reset_counter == end.vision_reset_counter == 0
+    assert begin.vision_p_enu_m is not None and end.vision_p_enu_m is not None
+    assert math.dist(begin.vision_p_enu_m, end.vision_p_enu_m) < 0.9 + math.dist(begin.p_enu_m, end.p_enu_m)
     assert end.setpoints > begin.setpoints and speed_m_s < 0.8  # legs are flown at 0.5 m/s
     if "refused: poses: jump" not in log:
         await flying.until(lambda _: "refused: poses: jump" in (flying.out / "uav.txt").read_text(), 15.0)

@@ -24,6 +24,7 @@ from tests.sitl.flying import Flying, flying
 _PORT = 14540
 _URL = f"udpin://127.0.0.1:{_PORT}"
 _REQUIRED = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "EKF2_EV_CTRL": 0}
+_REQUIRED |= {"RTL_RETURN_ALT": 3.0}
 
 
 def _why_no_px4() -> str:

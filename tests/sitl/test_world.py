@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +21,13 @@ from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.sim import truth
 from companion.sim.scenario import Scenario, encode_scenario
-from csi_bridge.netlink import NetlinkSource, connector_available
+from csi_bridge.netlink import NetlinkSource
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixSource
-from tests.sim_scenes import BEACON_CONNECTOR, UAV_CONNECTOR, scene
+from tests.connectors import claimed, needs_netlink
+from tests.sim_scenes import scene
 
 SPEED_M_S = 4.0
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -77,7 +78,15 @@ class _Listener:
         while (now_ns := time.monotonic_ns()) < start_ns + duration_s * 1e9:
             way_m = min(SPEED_M_S * (now_ns - start_ns) * 1e-9, self._scenario.start_distance_m)
             state = truth.VehicleTruth(
-                now_ns, (way_m, 0.0, 0.4), (SPEED_M_S, 0.0, 0.0), 0.0, "OFFBOARD", True, 0, 0, 0.0
+                t_mono_ns=now_ns,
+                p_enu_m=(way_m, 0.0, 0.4),
+                v_enu_m_s=(SPEED_M_S, 0.0, 0.0),
+                yaw_enu_rad=0.0,
+                mode="OFFBOARD",
+                armed=True,
+                setpoints=0,
+                setpoints_in_offboard=0,
+                offboard_s=0.0,
             )
             self._out.sendto(truth.encode(state), self._scenario.truth_in)
             time.sleep(0.01)
@@ -112,34 +121,35 @@ def _cpu_s(process: subprocess.Popen[bytes]) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
 
-def _approach(transport: str, folder: Path) -> Scenario:
+def _approach(folder: Path, connectors: Sequence[int] = ()) -> Scenario:
     """The beacon due East, driving North."""
-    scenario = scene(seed=3, folder=folder, transport=transport)
+    scenario = scene(seed=3, folder=folder, connectors=connectors)
     return replace(scenario, beacon_azimuth_rad=0.0, drive_azimuth_rad=math.pi / 2)
 
 
 def _check_flight(listener: _Listener) -> None:
-    """Rates over the time that the world itself lived: how soon it starts is the machine's matter."""
-    at_uav, at_beacon = listener.records
-    duration_s = (listener.truths[-1].t_mono_ns - listener.truths[0].t_mono_ns) * 1e-9
-    assert duration_s > 1.0
-    expected = 150 * duration_s * 0.95
-    assert len(at_uav) == pytest.approx(expected, rel=0.15)
-    assert len(at_beacon) == pytest.approx(expected, rel=0.15)
-    both = {r.frame_count for r in at_uav} & {r.frame_count for r in at_beacon}
-    assert len(both) == pytest.approx(150 * duration_s * 0.95**2, rel=0.15)
+    """Rates over the times that things themselves are of: when the world came to send them is the machine's matter."""
+    for records in listener.records:
+        span_us = (records[-1].timestamp_low_us - records[0].timestamp_low_us) % (1 << 32)
+        assert span_us > 500_000
+        assert len(records) == pytest.approx(150 * span_us * 1e-6 * 0.95, rel=0.15)
+    at_uav, at_beacon = ({r.frame_count for r in records} for records in listener.records)
+    assert len(at_uav & at_beacon) == pytest.approx(0.95 * len(at_uav), rel=0.15)
     for poses in listener.poses:
-        assert len(poses) == pytest.approx(200 * duration_s, rel=0.15)
+        assert len(poses) == pytest.approx((poses[-1].t_mono_ns - poses[0].t_mono_ns) / 5e6, rel=0.15)
         # A reader that comes late finds its socket full once; the poses themselves are made on the dot.
         steps = np.diff([pose.t_mono_ns for pose in poses]) / 5e6
         np.testing.assert_allclose(steps, np.round(steps), atol=0.02)
-        assert np.mean(np.round(steps) > 1) < 0.02
+        assert np.mean(np.round(steps) > 1) < 0.05
     assert np.median(listener.lateness_s) < 0.2
-    assert len(listener.truths) == pytest.approx(20 * duration_s, rel=0.15)
+    assert len(listener.truths) == pytest.approx(
+        (listener.truths[-1].t_mono_ns - listener.truths[0].t_mono_ns) / 5e7, rel=0.15
+    )
 
 
 def _check_truth(truths: list[truth.WorldTruth]) -> None:
-    assert truths[0].distance_m == pytest.approx(15.0, abs=0.2)
+    # How far the vehicle has come before the world has started is the machine's matter.
+    assert truths[0].distance_m == pytest.approx(15.0 - truths[0].uav_antenna_enu_m[0], abs=0.2)
     for world in truths:
         assert world.distance_m == pytest.approx(math.dist(world.uav_antenna_enu_m, world.beacon_antenna_enu_m))
         driving = math.hypot(*world.beacon_v_enu_m_s) > 0
@@ -153,7 +163,7 @@ def _check_truth(truths: list[truth.WorldTruth]) -> None:
 
 
 def test_a_flight_on_unix_sockets(tmp_path: Path) -> None:
-    scenario = _approach("unix", tmp_path)
+    scenario = _approach(tmp_path)
     with _world(scenario, tmp_path) as process:
         listener = _Listener(scenario, (UnixSource(scenario.uav.csi.path), UnixSource(scenario.beacon.csi.path)))
         listener.fly(0.2)
@@ -170,13 +180,16 @@ def test_a_flight_on_unix_sockets(tmp_path: Path) -> None:
     _check_truth(listener.truths)
 
 
+@needs_netlink
 def test_a_flight_on_the_kernel_connector(tmp_path: Path) -> None:
-    reason = connector_available(UAV_CONNECTOR) or connector_available(BEACON_CONNECTOR)
-    if reason is not None:
-        pytest.skip(f"netlink connector: {reason}")
-    scenario = _approach("netlink", tmp_path)
+    with claimed(2) as connectors:
+        _fly_on(connectors, tmp_path)
+
+
+def _fly_on(connectors: list[int], tmp_path: Path) -> None:
+    scenario = _approach(tmp_path, connectors)
     with _world(scenario, tmp_path) as process:
-        listener = _Listener(scenario, (NetlinkSource(UAV_CONNECTOR, False), NetlinkSource(BEACON_CONNECTOR, False)))
+        listener = _Listener(scenario, (NetlinkSource(connectors[0], False), NetlinkSource(connectors[1], False)))
         listener.fly(1.5)
         process.send_signal(signal.SIGINT)
         assert process.wait(20.0) == 0
@@ -186,7 +199,7 @@ def test_a_flight_on_the_kernel_connector(tmp_path: Path) -> None:
 
 
 def test_it_waits_for_the_vehicle_and_ignores_who_is_not_there(tmp_path: Path) -> None:
-    scenario = _approach("unix", tmp_path)
+    scenario = _approach(tmp_path)
     with _world(scenario, tmp_path) as process:
         out = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         with out, bind_datagram_socket(Path(scenario.uav.pose_socket)) as poses:
@@ -194,7 +207,17 @@ def test_it_waits_for_the_vehicle_and_ignores_who_is_not_there(tmp_path: Path) -
             assert list(_waiting(poses)) == [], "nothing may happen before the vehicle is there"
             for _ in range(20):
                 now_ns = time.monotonic_ns()
-                state = truth.VehicleTruth(now_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, "HOLD", False, 0, 0, 0.0)
+                state = truth.VehicleTruth(
+                    t_mono_ns=now_ns,
+                    p_enu_m=(0.0, 0.0, 0.0),
+                    v_enu_m_s=(0.0, 0.0, 0.0),
+                    yaw_enu_rad=0.0,
+                    mode="HOLD",
+                    armed=False,
+                    setpoints=0,
+                    setpoints_in_offboard=0,
+                    offboard_s=0.0,
+                )
                 out.sendto(truth.encode(state), scenario.truth_in)
                 time.sleep(0.01)
             assert len(list(_waiting(poses))) > 5, "poses flow although no CSI socket and no demo is there"

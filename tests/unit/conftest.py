@@ -1,4 +1,4 @@
-"""A synthetic recorded run, and `companion analyze` in this process."""
+"""A synthetic recorded run, and commands in this process."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any
 import pytest
 
 from companion.cli import main
-from tests.analyze_command import TX_PLACE, Cli, Outcome
+from tests.analyze_command import TX_PLACE, Cli, Ended
+from tests.log_commands import Run
 from tests.synthetic_run import RunFolder, write_run
 
 
 @pytest.fixture
-def cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Cli:
+def cli(companion: Run) -> Cli:
     """`companion analyze ARGS` in this process, in an empty folder."""
 
-    def run(*arguments: str | Path) -> Outcome:
-        monkeypatch.setattr(sys, "argv", ["companion", "analyze", *map(str, arguments)])
+    return lambda *arguments: Ended(*companion("analyze", *arguments))
+
+
+@pytest.fixture
+def companion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    """`companion ARGUMENTS` in this process, in an empty folder."""
+
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["companion", *map(str, arguments)])
         monkeypatch.chdir(tmp_path)
         code: Any = 0
         try:
@@ -27,7 +35,7 @@ def cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp
         except SystemExit as exit_:
             code = exit_.code or 0
         captured = capsys.readouterr()
-        return Outcome(code, captured.out, captured.err)
+        return code, captured.out, captured.err
 
     return run
 

@@ -48,12 +48,3 @@ def least_amplitude(
     """
     turn = 4 * math.pi * radius_m / wavelength_m * (abs(azimuth_deviation_rad) + abs(polar_deviation_rad))
     return math.cos(turn) if turn < math.pi / 2 else 0.0
-
-
-def amplitude_towards(
-    chi_m: Array, estimated_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float
-) -> float:
-    """|sum| / M of unit channels of a source at (azimuth, polar angle), steered there with estimated positions."""
-    u = direction(azimuth_rad, polar_rad)
-    turn = 4 * np.pi / wavelength_m * ((np.asarray(chi_m) - np.asarray(estimated_m)) @ u)
-    return float(np.abs(np.exp(1j * turn).mean()))

@@ -71,14 +71,6 @@ def crb_over(factor: Array, azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> Crb
     )
 
 
-def fim_over(factor: Array, azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> Array:
-    """Fisher information (N, 2, 2) of (azimuth, polar angle) for directions (N,), in rad^-2."""
-    azimuth, polar = (np.atleast_1d(a).astype(np.float64) for a in np.broadcast_arrays(azimuth_rad, polar_rad))
-    east, pole = _tangent_columns(factor, azimuth, polar)
-    rows = np.stack([east * np.sin(polar)[:, None], pole], axis=-1)
-    return np.asarray(np.einsum("nki,nkj->nij", rows, rows))
-
-
 def _tangent_columns(factor: Array, azimuth: Array, polar: Array) -> tuple[Array, Array]:
     """R e and R n, each (N, 3)."""
     sin_p, cos_p, sin_t, cos_t = np.sin(azimuth), np.cos(azimuth), np.sin(polar), np.cos(polar)

@@ -1,7 +1,10 @@
-"""Estimators by name, as config and command line choose them: `ESTIMATORS` makes one with its defaults.
+"""Estimators: a checked aperture in, a direction with what it is worth and a profile out; pure and deterministic.
 
-`bartlett` is the paper's, `robust` the default, `music` the subspace method; `far_field.FarField` reads plane waves.
-`warm_up` loads or compiles the machine code of `robust`.
+`ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
+`bartlett` (the paper's), `music` (the subspace method). `estimate_aoa` is `robust` in one call;
+`far_field.FarField` reads plane waves alone. The modules are steps of these: `preparation`, `stretches` and
+`source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up` loads or compiles
+the machine code of `robust`.
 """
 
 from __future__ import annotations
@@ -11,13 +14,19 @@ from collections.abc import Callable
 import numpy as np
 
 from wsr import kernel
-from wsr.aoa import Estimator
+from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture
 from wsr.estimators.bartlett import Bartlett
 from wsr.estimators.music import Music
 from wsr.estimators.robust import Robust
+from wsr.profile import Profile
 
 ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
+
+
+def estimate_aoa(aperture: Aperture) -> tuple[AoaEstimate, Profile]:
+    """The `robust` estimate with its defaults. Raises ApertureError."""
+    return Robust().estimate(aperture)
 
 
 def warm_up() -> None:
@@ -29,5 +38,15 @@ def warm_up() -> None:
     for height in (0.0, 0.3):
         chi = 0.5 * np.stack([np.cos(5 * t), np.sin(5 * t), height * np.sin(9 * t)], axis=-1)
         nic_us = np.stack([1e6 * t, 1e6 * t + rng.integers(300, 310, 40)], axis=-1)
-        aperture = Aperture(t, chi, np.ones(40, np.complex128), 0.05, (0.0, 0.0, 0.0), 0.5, wave, wave, nic_us)
+        aperture = Aperture(
+            t_s=t,
+            chi_m=chi,
+            channel=np.ones(40, np.complex128),
+            wavelength_m=0.05,
+            reference_p_m=(0.0, 0.0, 0.0),
+            reference_t_s=0.5,
+            forward=wave,
+            reverse=wave,
+            nic_us=nic_us,
+        )
         Robust().estimate(aperture)

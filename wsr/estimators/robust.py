@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Found:
     """A search over x_m (B, 3), the bins about their centroid; `level`: a horizontal plane, azimuth only. With `drift`
     all of it is of the bins with that phase taken out."""
@@ -121,7 +121,16 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         focus = most_likely(fused, x, bins.segment, bins.counts, focus, None if drift is None else drift.tau)
         left = matched(fused, x, bins.segment, focus)
     sizes = float(extents[0]), float(extents[1]), float(extents[2])
-    return Found(seen, focus, level, fused, x, sizes, drift, np.angle(left))
+    return Found(
+        look=seen,
+        focus=focus,
+        level=level,
+        parts=fused,
+        x_m=x,
+        extents_m=sizes,
+        drift=drift,
+        residual_rad=np.angle(left),
+    )
 
 
 def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, options: RobustOptions) -> Focus:

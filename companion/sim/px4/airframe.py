@@ -60,13 +60,14 @@ class Airframe:
         self.p_enu_m: Vector3 = (0.0, 0.0, 0.0)
         self.v_enu_m_s: Vector3 = (0.0, 0.0, 0.0)
         self.yaw_enu_rad = yaw_enu_rad
+        self.estimate_offset_enu_m: Vector3 = (0.0, 0.0, 0.0)
+        """How far the estimate is from the truth, beside the gusts' error of it: drift, vision, resets."""
         self._gusts = gusts
 
     @property
     def estimated_p_enu_m(self) -> Vector3:
-        if self._gusts is None:
-            return self.p_enu_m
-        x, y, z = (p + e for p, e in zip(self.p_enu_m, self._gusts.estimate_error_enu_m, strict=True))
+        error = (0.0, 0.0, 0.0) if self._gusts is None else self._gusts.estimate_error_enu_m
+        x, y, z = (p + o + e for p, o, e in zip(self.p_enu_m, self.estimate_offset_enu_m, error, strict=True))
         return (x, y, z)
 
     @property
@@ -78,7 +79,7 @@ class Airframe:
         speed = math.hypot(*self.v_enu_m_s)
         brake_s = speed / (2 * self.limits.acceleration_m_s2)
         x, y, z = (p + v * brake_s for p, v in zip(self.estimated_p_enu_m, self.v_enu_m_s, strict=True))
-        return (x, y, max(z, 0.0))
+        return (x, y, max(z, self.estimate_offset_enu_m[2]))
 
     def rest(self) -> None:
         """Motors off: on the ground nothing moves, in the air this mock does not fall."""

@@ -5,8 +5,9 @@ the true state to the world simulator, with `--control` it takes orders from a t
 answers with a `Px4Report`:
 
     report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
-    battery FRACTION | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS... | estimator healthy/unhealthy
-    say TEXT | reboot | forget gaps
+    battery [ID] FRACTION/unknown/silent | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS...
+    estimator healthy/unhealthy | reset EAST NORTH UP | say TEXT | forget gaps
+    reboot [SILENT_S] | vanish | stranger SYSTEM_ID (another vehicle on the same link)
 """
 
 from __future__ import annotations
@@ -20,18 +21,24 @@ import time
 from pathlib import Path
 
 import click
+from pymavlink.dialects.v20 import development as mavlink
 
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
 from companion.sim.px4 import report
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
-from companion.sim.px4.commander import DEFAULT_PARAMETERS, NS_PER_S, Commander, Mode
+from companion.sim.px4.clocks import VehicleClock
+from companion.sim.px4.commander import NS_PER_S, Commander, Mode
 from companion.sim.px4.link import Px4Link
+from companion.sim.px4.parameters import DEFAULTS, parsed
 
 _SO_TIMESTAMPNS = 35  # socket(7)
 _TIMESPEC = struct.Struct("qq")
 _ANCILLARY_BYTES = socket.CMSG_SPACE(_TIMESPEC.size)
 _TRUTH_PERIOD_NS = NS_PER_S // 100
+_UP_S = 9.4
+"""What the vehicle's own clock shows when the mock begins."""
+_KINDS = {"px4": mavlink.MAV_AUTOPILOT_PX4, "ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA}
 
 
 class Px4:
@@ -43,15 +50,33 @@ class Px4:
         seed: int | None = None,
         yaw_enu_rad: float = 0.0,
         parameters: dict[str, int | float] | None = None,
+        *,
+        system_id: int = 1,
+        kind: str = "px4",
+        clock_rate: float = 1.0,
+        drift_m: float = 0.5,
     ) -> None:
+        """`clock_rate`: of the vehicle's clock against ours. `drift_m`: how far the estimate's Up wanders before the
+        takeoff."""
         gusts = None if seed is None else Gusts(seed)
-        self.commander = Commander(Airframe(AirframeLimits(), yaw_enu_rad, gusts), now_ns, parameters)
-        self.link = Px4Link(self.commander, now_ns)
+        airframe = Airframe(AirframeLimits(), yaw_enu_rad, gusts)
+        self.commander = Commander(airframe, now_ns, parameters, drift_m)
+        clock = VehicleClock(now_ns, _UP_S, clock_rate)
+        self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind])
+        self.strangers: list[Px4] = []
+        """Other vehicles on the same link."""
+        self._now_ns = now_ns
 
     def step(self, now_ns: int) -> list[bytes]:
         """Move time on; the datagrams to send."""
+        self._now_ns = now_ns
         self.commander.step(now_ns)
-        return self.link.telemetry(now_ns)
+        return [*self.link.telemetry(now_ns), *(d for other in self.strangers for d in other.step(now_ns))]
+
+    def receive(self, datagram: bytes, now_ns: int) -> list[bytes]:
+        """What every vehicle of the link answers to it."""
+        answers = self.link.receive(datagram, now_ns)
+        return [*answers, *(d for other in self.strangers for d in other.receive(datagram, now_ns))]
 
     def truth(self, now_ns: int) -> truth.VehicleTruth:
         commander, airframe = self.commander, self.commander.airframe
@@ -69,6 +94,7 @@ class Px4:
 
     def report(self, now_ns: int, error: str | None = None) -> report.Px4Report:
         commander, link, state = self.commander, self.link, self.truth(now_ns)
+        estimator = commander.estimator
         return report.Px4Report(
             t_mono_ns=now_ns,
             mode=state.mode,
@@ -91,6 +117,13 @@ class Px4:
             vision_age_s=link.vision_age_s,
             vision_p_enu_m=None if link.vision is None else (link.vision.y, link.vision.x, -link.vision.z),
             vision_reset_counter=None if link.vision is None else link.vision.reset_counter,
+            vision_fused=estimator.fused,
+            vision_dropped=estimator.dropped,
+            has_global_position=estimator.has_global_position,
+            resets=estimator.resets,
+            estimated_p_enu_m=commander.airframe.estimated_p_enu_m,
+            clock_s=link.clock.ns(now_ns) / NS_PER_S,
+            strangers=[other.report(now_ns) for other in self.strangers],
             received=dict(link.received),
             parameters={name: float(value) for name, value in commander.parameters.items()},
             history=[(t_ns, mode.name) for t_ns, mode in commander.history],
@@ -118,24 +151,39 @@ class Px4:
             case ["offboard", "accept" | "refuse" | "silent" as reply]:
                 self.commander.refuse_offboard = reply == "refuse"
                 self.link.ignore_mode_commands = reply == "silent"
-            case ["battery", fraction]:
-                self.link.battery_remaining = float(fraction)
+            case ["battery", charge]:
+                self._set_battery(0, charge)
+            case ["battery", battery_id, charge]:
+                self._set_battery(int(battery_id), charge)
             case ["parameter", name, value]:
-                self.commander.parameters[name] = parameter_value(name, value)
+                self.commander.parameters[name] = parsed(name, value)
             case ["parameters", "heard" | "silent" as reply]:
                 self.link.ignore_parameter_requests = reply == "silent"
             case ["rc", *channels]:
-                self.link.rc_us = [int(channel) for channel in channels]
+                self.link.streams.rc_us = [int(channel) for channel in channels]
             case ["estimator", "healthy" | "unhealthy" as health]:
-                self.link.estimator_healthy = health == "healthy"
+                self.commander.estimator.broken = health == "unhealthy"
+            case ["reset", east, north, up]:
+                self.commander.estimator.reset_by((float(east), float(north), float(up)))
             case ["say", *text]:
                 self.link.say(" ".join(text))
             case ["forget", "gaps"]:
                 self.commander.stream.largest_gap_s = 0.0
-            case ["reboot"]:
-                self.link.reboot()
+            case ["reboot", *silent_s]:
+                self.link.reboot(self._now_ns, float(silent_s[0]) if silent_s else 0.0)
+            case ["vanish"]:
+                self.link.vanish()
+            case ["stranger", system_id]:
+                self.strangers.append(Px4(self._now_ns, system_id=int(system_id)))
             case _:
                 raise ValueError("unknown")
+
+    def _set_battery(self, battery_id: int, charge: str) -> None:
+        batteries = self.link.streams.batteries
+        if charge == "silent":
+            batteries.pop(battery_id, None)
+        else:
+            batteries[battery_id] = None if charge == "unknown" else float(charge)
 
 
 class Runner:
@@ -196,7 +244,7 @@ class Runner:
                 continue
             except BlockingIOError:
                 return
-            self._send(self._px4.link.receive(datagram, _arrival_ns(ancillary)))
+            self._send(self._px4.receive(datagram, _arrival_ns(ancillary)))
 
     def _send_truth(self, now_ns: int) -> None:
         if self._truth_path is None:
@@ -225,11 +273,6 @@ def _arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
     return now_ns
 
 
-def parameter_value(name: str, text: str) -> int | float:
-    """A parameter in the type PX4 has it in. Raises KeyError for a name the mock does not have, ValueError."""
-    return int(text) if isinstance(DEFAULT_PARAMETERS[name], int) else float(text)
-
-
 def _address(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, int]:
     host, _, port = value.rpartition(":")
     if not host or not port.isdecimal():
@@ -239,9 +282,9 @@ def _address(context: click.Context, parameter: click.Parameter, value: str) -> 
 
 def _parameters(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int | float]:
     try:
-        return {name: parameter_value(name, text) for name, _, text in (v.partition("=") for v in values)}
+        return {name: parsed(name, text) for name, _, text in (v.partition("=") for v in values)}
     except (KeyError, ValueError) as error:
-        raise click.BadParameter(f"{error}: expected NAME=VALUE with one of {', '.join(DEFAULT_PARAMETERS)}") from None
+        raise click.BadParameter(f"{error}: expected NAME=VALUE with one of {', '.join(DEFAULTS)}") from None
 
 
 @click.command()
@@ -251,6 +294,10 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 @click.option("--rate", default=250.0, show_default=True, help="steps per second")
 @click.option("--seed", type=int, help="gusts and estimator error; without it the air is still")
 @click.option("--yaw", "yaw_enu_rad", default=0.0, help="start yaw, counter-clockwise from East [rad]")
+@click.option("--system-id", default=1, show_default=True, help="the vehicle's MAVLink system id")
+@click.option("--kind", type=click.Choice(sorted(_KINDS)), default="px4", show_default=True, help="what it says it is")
+@click.option("--clock-rate", default=1.0, show_default=True, help="of the vehicle's clock against the host's")
+@click.option("--drift", "drift_m", default=0.5, show_default=True, help="of the estimate's Up on the ground [m]")
 @click.option("--param", "parameters", multiple=True, callback=_parameters, help="a parameter, NAME=VALUE")
 def main(
     connect: tuple[str, int],
@@ -259,10 +306,17 @@ def main(
     rate: float,
     seed: int | None,
     yaw_enu_rad: float,
+    system_id: int,
+    kind: str,
+    clock_rate: float,
+    drift_m: float,
     parameters: dict[str, int | float],
 ) -> None:
     """A mock PX4 for simulation and tests."""
-    px4 = Px4(time.monotonic_ns(), seed, yaw_enu_rad, parameters)
+    px4 = Px4(
+        time.monotonic_ns(), seed, yaw_enu_rad, parameters,
+        system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m,
+    )  # fmt: skip
     runner = Runner(px4, connect, rate, truth_path, control)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: runner.stop())

@@ -14,6 +14,9 @@ from enum import Enum, IntEnum
 
 from companion.core.messages import Vector3
 from companion.sim.px4.airframe import Airframe, Demand
+from companion.sim.px4.estimator import Estimator
+from companion.sim.px4.navigator import Return, is_outside_fence, landing
+from companion.sim.px4.parameters import DEFAULTS, Parameters
 
 NS_PER_S = 1_000_000_000
 _HISTORY = 200
@@ -49,23 +52,8 @@ class Result(IntEnum):
 
 _TRANSIENT = (Mode.TAKEOFF, Mode.LAND, Mode.RTL)
 """Modes that PX4 does not go back to after disarming."""
-
-DEFAULT_PARAMETERS: dict[str, int | float] = {
-    "COM_OF_LOSS_T": 1.0,
-    "COM_OBL_RC_ACT": 0,
-    "COM_RC_OVERRIDE": 1,
-    "COM_DISARM_LAND": 2.0,
-    "COM_DISARM_PRFLT": 10.0,
-    "EKF2_EV_CTRL": 0,
-    "EKF2_GPS_CTRL": 7,
-    "EKF2_HGT_REF": 1,
-    "GF_ACTION": 2,
-    "MIS_TAKEOFF_ALT": 2.5,
-    "MPC_LAND_SPEED": 0.7,
-    "MPC_TKO_SPEED": 1.5,
-    "SYS_HAS_GPS": 1,
-}
-"""PX4's own defaults; an int is an INT32 parameter."""
+_LANDED_S = 7.7
+"""From touching the ground until PX4 calls itself landed."""
 
 
 @dataclass(slots=True)
@@ -80,28 +68,61 @@ class StreamCount:
 
 
 class Commander:
-    """Modes and arming over an `Airframe`. Every method takes the present time; time never runs by itself."""
+    """Modes and arming over an `Airframe`. Every method takes the present time; time never runs by itself.
 
-    def __init__(self, airframe: Airframe, now_ns: int, parameters: dict[str, int | float] | None = None) -> None:
+    What is known of the position is the estimator's to say; it flies to places of the estimate, not of the truth.
+    """
+
+    def __init__(
+        self, airframe: Airframe, now_ns: int, parameters: Parameters | None = None, drift_m: float = 0.0
+    ) -> None:
+        """`drift_m`: how far the estimate's Up wanders in the first minute on the ground."""
         self.airframe = airframe
-        self.parameters = DEFAULT_PARAMETERS | (parameters or {})
-        self.intention = self.mode = Mode.HOLD
-        self.armed = self.failsafe = False
-        self.landed = True
+        self.parameters = DEFAULTS | (parameters or {})
+        self._drift_m = drift_m
         self.refuse_offboard = False
         self.stream = StreamCount()
         self.offboard_s = 0.0
-        self.history: list[tuple[int, Mode]] = [(now_ns, self.mode)]
+        self.history: list[tuple[int, Mode]] = []
+        self.said: list[str] = []
+        """What the pilot is told; the link takes it from here."""
+        self.boot(now_ns)
+
+    def boot(self, now_ns: int) -> None:
+        """Begin as after power-up: disarmed, in hold, nothing heard of a stream. Counters and parameters stay."""
+        self.airframe.rest()
+        self.airframe.estimate_offset_enu_m = (0.0, 0.0, 0.0)
+        self.estimator = Estimator(self.airframe, self.parameters, now_ns, self._drift_m)
+        self.intention = self.mode = Mode.HOLD
+        self.armed = self.failsafe = False
+        self.landed = self.airframe.on_ground
+        self.history.append((now_ns, self.mode))
         self._now_ns = self._armed_ns = self._contact_ns = now_ns
         self._after_disarm = Mode.HOLD
         self._has_flown = False
+        self._fence_mode: Mode | None = None
+        self._was_outside = False
         self._previous_set_point_ns: int | None = None
+        self.stream.last_ns = None
+        self._home_m = self.airframe.estimated_p_enu_m
         self._target = self._hover()
+        self._return = self._new_return()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """As the estimator takes it: motors off, on the ground."""
+        return self.landed and not self.armed
+
+    @property
+    def can_arm(self) -> bool:
+        return self.intention not in (Mode.LAND, Mode.RTL) and self._can_run(self.intention)
 
     def step(self, now_ns: int) -> None:
         """Move time on to `now_ns`."""
         dt_s = (now_ns - self._now_ns) / NS_PER_S
         self._now_ns = now_ns
+        self.estimator.step(now_ns, self.is_at_rest)
+        self._watch_fence()
         self._choose_mode()
         if self.mode is Mode.OFFBOARD and self.armed:
             self.offboard_s += dt_s
@@ -126,9 +147,12 @@ class Commander:
     def arm(self, now_ns: int) -> Result:
         if self.armed:
             return Result.ACCEPTED
-        if self.intention in (Mode.LAND, Mode.RTL) or (self.intention is Mode.OFFBOARD and not self._signal(now_ns)):
+        self._now_ns = max(self._now_ns, now_ns)
+        if not self.can_arm:
+            self.said.append("Arming denied: resolve system health failures")
             return Result.TEMPORARILY_REJECTED
         self.armed, self._armed_ns, self._has_flown = True, now_ns, False
+        self._home_m = self.airframe.estimated_p_enu_m
         return Result.ACCEPTED
 
     def disarm(self) -> Result:
@@ -139,15 +163,16 @@ class Commander:
         return Result.ACCEPTED
 
     def command_mode(self, mode: Mode, now_ns: int) -> Result:
-        """A companion or ground station asks for a mode."""
-        if mode is Mode.OFFBOARD and (self.refuse_offboard or not self._streaming(now_ns)):
+        """A companion or ground station asks for a mode: disarmed any is taken, armed one that can be flown."""
+        self._now_ns = max(self._now_ns, now_ns)
+        refused = self.armed and not (self._can_run(mode) and (mode is not Mode.OFFBOARD or self._streaming(now_ns)))
+        if refused or (mode is Mode.OFFBOARD and self.refuse_offboard):
             return Result.TEMPORARILY_REJECTED
         self._intend(mode)
         return Result.ACCEPTED
 
-    def command_takeoff(self) -> Result:
-        self._intend(Mode.TAKEOFF)
-        return Result.ACCEPTED
+    def command_takeoff(self, now_ns: int | None = None) -> Result:
+        return self.command_mode(Mode.TAKEOFF, self._now_ns if now_ns is None else now_ns)
 
     def pilot_mode(self, mode: Mode) -> None:
         """A person moves the mode switch (or the sticks, with COM_RC_OVERRIDE)."""
@@ -162,22 +187,42 @@ class Commander:
         self._target = Demand((None, None, None), v_enu_m_s)
 
     def _intend(self, mode: Mode) -> None:
-        self.intention = mode
+        self.intention, self._fence_mode = mode, None
         if mode not in _TRANSIENT:
             self._after_disarm = mode
         self._choose_mode()
 
+    def _can_run(self, mode: Mode) -> bool:
+        if mode in (Mode.HOLD, Mode.RTL):
+            return self.estimator.has_global_position
+        if mode in (Mode.TAKEOFF, Mode.POSCTL):
+            return self.estimator.has_local_position
+        return mode is not Mode.OFFBOARD or (self.estimator.has_local_position and self._signal(self._now_ns))
+
     def _choose_mode(self) -> None:
-        self.failsafe = self.armed and self.intention is Mode.OFFBOARD and not self._signal(self._now_ns)
-        mode = self._fallback() if self.failsafe else self.intention
-        if mode is not self.mode:
-            self.mode = mode
-            self.history = [*self.history[1 - _HISTORY :], (self._now_ns, mode)]
-            self._target = self._hover()
+        runs = self._can_run(self.intention)
+        self.failsafe = self.armed and (not runs or self._fence_mode is not None)
+        mode = self.intention
+        if self.failsafe:
+            mode = self._flyable((self._fence_mode or Mode.HOLD) if runs else self._fallback())
+        if mode is self.mode:
+            return
+        was_climbing = self.mode is Mode.TAKEOFF and not self.failsafe
+        self.mode = mode
+        self.history[:] = [*self.history[1 - _HISTORY :], (self._now_ns, mode)]
+        # A takeoff that has come near its height goes on to it in hold.
+        self._target = self._takeoff_point() if was_climbing and self._is_near_takeoff_height() else self._hover()
+        self._return = self._new_return()
 
     def _fallback(self) -> Mode:
+        if self.intention is not Mode.OFFBOARD:
+            return Mode.RTL
         # 0..2 ask for a mode that needs a pilot's sticks; without RC PX4 descends, which it reports as LAND.
         return {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}.get(int(self.parameters["COM_OBL_RC_ACT"]), Mode.LAND)
+
+    def _flyable(self, mode: Mode) -> Mode:
+        """Hold and return need a global position; without one PX4 lands, and without any it descends blind."""
+        return mode if self._can_run(mode) else Mode.LAND
 
     def _signal(self, now_ns: int) -> bool:
         last_ns = self.stream.last_ns
@@ -193,31 +238,49 @@ class Commander:
     def _hover(self) -> Demand:
         return Demand(self.airframe.stopping_point_enu_m(), (0.0, 0.0, 0.0))
 
+    def _takeoff_point(self) -> Demand:
+        x, y, _ = self._target.p_enu_m
+        return Demand((x, y, self._home_m[2] + float(self.parameters["MIS_TAKEOFF_ALT"])), (0.0, 0.0, 0.0))
+
+    def _new_return(self) -> Return:
+        return Return(self.airframe.estimated_p_enu_m, self._home_m, self.parameters)
+
     def _demand(self) -> Demand:
+        here_m, slow_m_s = self.airframe.estimated_p_enu_m, float(self.parameters["MPC_LAND_SPEED"])
         if self.mode is Mode.TAKEOFF:
-            return self._vertical(float(self.parameters["MPC_TKO_SPEED"]))
-        if self.mode is Mode.RTL and self._is_home():
-            return Demand((0.0, 0.0, None), (0.0, 0.0, -float(self.parameters["MPC_LAND_SPEED"])))
+            return self._climb(here_m)
         if self.mode is Mode.LAND:
-            return self._vertical(-float(self.parameters["MPC_LAND_SPEED"]))
+            place = self._target.p_enu_m[:2] if self.estimator.has_local_position else (None, None)
+            return landing(here_m, self._home_m, place, slow_m_s)
         if self.mode is Mode.RTL:
-            return Demand((0.0, 0.0, self._target.p_enu_m[2]), (0.0, 0.0, 0.0))
+            return self._return.demand(here_m)
         if self.landed and self.mode is not Mode.OFFBOARD:
-            return self._vertical(0.0)
+            return Demand((*self._target.p_enu_m[:2], None), (0.0, 0.0, 0.0))
         return self._target
 
-    def _vertical(self, climb_m_s: float) -> Demand:
-        x, y, _ = self._target.p_enu_m
+    def _climb(self, here_m: Vector3) -> Demand:
+        x, y, z = self._takeoff_point().p_enu_m
+        assert z is not None
+        climb_m_s = float(self.parameters["MPC_TKO_SPEED"])
+        if z - here_m[2] < climb_m_s:
+            return Demand((x, y, z), (0.0, 0.0, 0.0))
         return Demand((x, y, None), (0.0, 0.0, climb_m_s))
 
-    def _is_home(self) -> bool:
-        x, y, _ = self.airframe.p_enu_m
-        return math.hypot(x, y) < 0.5
+    def _is_near_takeoff_height(self) -> bool:
+        left_m = self._home_m[2] + self.parameters["MIS_TAKEOFF_ALT"] - self.airframe.estimated_p_enu_m[2]
+        return not self.airframe.on_ground and left_m < self.parameters["NAV_MC_ALT_RAD"]
 
     def _watch_takeoff(self) -> None:
-        reached = self.airframe.estimated_p_enu_m[2] > self.parameters["MIS_TAKEOFF_ALT"] - 0.1
-        if self.armed and self.mode is Mode.TAKEOFF and reached:
+        """PX4 ends a takeoff within NAV_MC_ALT_RAD of its height, if it can hold; else it stays in takeoff."""
+        if self.armed and self.mode is Mode.TAKEOFF and self._is_near_takeoff_height() and self._can_run(Mode.HOLD):
             self._intend(Mode.HOLD)
+
+    def _watch_fence(self) -> None:
+        action = {2: Mode.HOLD, 3: Mode.RTL, 5: Mode.LAND}.get(int(self.parameters["GF_ACTION"]))
+        outside = self.armed and is_outside_fence(self.airframe.estimated_p_enu_m, self._home_m, self.parameters)
+        if outside and not self._was_outside:
+            self._fence_mode = action
+        self._was_outside = outside
 
     def _watch_ground(self) -> None:
         if not self.airframe.on_ground:
@@ -225,9 +288,11 @@ class Commander:
             self.landed, self._has_flown = False, True
             return
         contact_s = (self._now_ns - max(self._contact_ns, self._armed_ns)) / NS_PER_S
-        self.landed = self.landed or contact_s > 0.7
-        wait = "COM_DISARM_LAND" if self._has_flown else "COM_DISARM_PRFLT"
-        if self.armed and self.landed and contact_s > self.parameters[wait]:
+        self.landed = self.landed or contact_s > _LANDED_S
+        wait_s = self.parameters["COM_DISARM_PRFLT"]
+        if self._has_flown:
+            wait_s = _LANDED_S + self.parameters["COM_DISARM_LAND"]
+        if self.armed and self.landed and contact_s > wait_s:
             self.disarm()
 
 

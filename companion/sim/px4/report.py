@@ -39,6 +39,16 @@ class Px4Report:
     """Of the newest one when it arrived, by the clock with which the companion answers TIMESYNC."""
     vision_p_enu_m: Vector3 | None = None
     vision_reset_counter: int | None = None
+    vision_fused: int = 0
+    """Of those that were taken, what the estimator did not drop for their time or its parameters."""
+    vision_dropped: int = 0
+    has_global_position: bool = False
+    resets: int = 0
+    """PX4's reset_counter."""
+    estimated_p_enu_m: Vector3 = (0.0, 0.0, 0.0)
+    clock_s: float = 0.0
+    """The vehicle's own."""
+    strangers: list[Px4Report] = field(default_factory=list)
     received: dict[str, int] = field(default_factory=dict)
     """How much came of each message, and of each command under its number, as in "COMMAND_LONG 511"."""
     parameters: dict[str, float] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from csi_bridge.clock import NicClock, envelope, host_times_s
+from csi_bridge.clock import NicClock, envelope, host_step, host_times_s
 
 WRAP_US = 1 << 32
 
@@ -259,3 +259,49 @@ def test_a_host_that_stalls_for_seconds_forgets_nothing() -> None:
     assert clock.resets == 0
     assert np.abs(np.subtract(mapped_s, 50.0 + nic_s)).max() < 10e-6
     assert clock.span_s > 38
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    ("what", "found"),
+    [
+        ("nothing", None),
+        ("stall", None),
+        ("slew", None),
+        ("wrong stamps", None),
+        ("card reset", None),
+        ("session", None),
+        ("back 0.05", -0.05),
+        ("back 1.5", -1.5),
+        ("forward 0.02", 0.02),
+        ("forward 9e8", 9e8),
+    ],
+)
+def test_only_a_host_clock_that_was_set_is_a_step(what: str, found: float | None, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t_s = np.sort(rng.uniform(0, 20, 2400))
+    nic_us, host_s = t_s * 1e6 + 4_290_000_000, 1.7e9 + t_s + rng.exponential(0.002, t_s.size)
+    late = t_s > 9
+    match what.split():
+        case ["stall"]:
+            held = (t_s > 9) & (t_s < 10)
+            host_s[held] = 1.7e9 + 10
+        case ["slew"]:
+            host_s += 5e-4 * t_s
+        case ["wrong", _]:
+            host_s[700], nic_us[1300] = host_s[700] - 1.0, nic_us[1300] + 5e6
+        case ["card", _]:
+            nic_us[late] -= nic_us[late][0] - 100
+        case ["session"]:
+            host_s[late] += 14_000
+            nic_us[late] += 500e6
+        case ["back" | "forward", _]:
+            assert found is not None
+            host_s[late] += found
+    step = host_step((np.rint(nic_us).astype(np.int64) % WRAP_US).astype(np.uint32), host_s)
+    if found is None:
+        assert step is None
+        return
+    assert step is not None
+    assert step[1] == pytest.approx(found, abs=8e-3)
+    assert abs(step[0] - int(np.argmax(late))) < 250

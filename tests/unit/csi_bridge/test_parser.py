@@ -3,44 +3,15 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from csi_bridge.encoder import EncodeError, encode_body, encode_file_record
+from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.parser import CsiLogParser, parse_body
-from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord, row_antennas, row_ranks
-from tests.csi_records import MAC, record, same
-
-
-def read_bits(payload: bytes, n_rx: int, n_tx: int) -> list[complex]:
-    """The payload as a plain stream of bits: 3 skipped per subcarrier, then two int8 per antenna pair."""
-    number = int.from_bytes(payload, "little")
-    values, at = [], 0
-    for _ in range(30):
-        at += 3
-        for _ in range(n_rx * n_tx):
-            real, imag = (struct.unpack("b", bytes([number >> at + part & 0xFF]))[0] for part in (0, 8))
-            values.append(complex(real, imag))
-            at += 16
-    return values
-
-
-def stock_body(n_rx: int, n_tx: int, antenna_sel: int, payload: bytes) -> bytes:
-    head = struct.pack("<IHH", 123_456_789, 321, 0) + bytes([n_rx, n_tx, 41, 33, 20]) + struct.pack("b", -90)
-    return head + bytes([35, antenna_sel]) + struct.pack("<HH", len(payload), 0x1234) + payload
-
-
-@pytest.mark.parametrize(("n_rx", "n_tx", "size"), [(1, 1, 72), (2, 1, 132), (3, 1, 192), (3, 2, 372), (3, 3, 552)])
-def test_payload_is_read_as_the_bits_stand(n_rx: int, n_tx: int, size: int) -> None:
-    payload = np.random.default_rng(n_rx * 4 + n_tx).bytes(size)
-    parsed = parse_body(CSI_CODE, stock_body(n_rx, n_tx, 0b100100, payload))
-    assert isinstance(parsed, CsiRecord)
-    assert parsed.csi.reshape(-1).tolist() == read_bits(payload, n_rx, n_tx)
-    assert (parsed.timestamp_low_us, parsed.bfee_count, parsed.rate) == (123_456_789, 321, 0x1234)
-    assert (parsed.rssi, parsed.noise_dbm, parsed.agc) == ((41, 33, 20), -90, 35)
-    assert (parsed.layout, parsed.host_time_ns, parsed.mac, parsed.frame_count) == (20, None, None, None)
+from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord
+from tests.csi_records import MAC, record
+from tests.unit.csi_bridge.bodies import read_bits, stock_body
 
 
 def test_rows_are_put_in_antenna_order() -> None:
@@ -50,23 +21,6 @@ def test_rows_are_put_in_antenna_order() -> None:
     assert isinstance(parsed, CsiRecord)
     # The first payload row was received by antenna B, the second by C, the third by A.
     assert np.array_equal(parsed.csi[:, :, 0], rows[:, [2, 0, 1]])
-
-
-@pytest.mark.parametrize(
-    ("antenna_sel", "n_rx", "antennas", "ranks"),
-    [
-        (0b100100, 3, (0, 1, 2), (0, 1, 2)),
-        (0b000110, 3, (2, 1, 0), (2, 1, 0)),
-        (0b010101, 3, (0, 1, 2), (0, 1, 2)),  # three times antenna B cannot be
-        (0b111001, 3, (0, 1, 2), (0, 1, 2)),  # there is no fourth antenna
-        (0b011000, 2, (0, 2), (0, 1)),
-        (0b000010, 2, (2, 0), (1, 0)),
-        (0b000001, 1, (1,), (0,)),
-    ],
-)
-def test_antenna_selection(antenna_sel: int, n_rx: int, antennas: tuple[int, ...], ranks: tuple[int, ...]) -> None:
-    assert row_antennas(antenna_sel, n_rx) == antennas
-    assert row_ranks(antenna_sel, n_rx) == ranks
 
 
 @pytest.mark.parametrize("layout", [34, 38])
@@ -173,29 +127,3 @@ def test_a_wrong_length_costs_one_record_in_pieces_of_any_size() -> None:
             offsets.add(tuple(found))
         assert len(offsets) == 1
         assert len(found) == 3 + 60
-
-
-def test_reads_what_the_encoder_wrote() -> None:
-    for layout in (20, 34, 38):
-        parsed = parse_body(CSI_CODE, encode_body(record(layout=layout)))
-        assert isinstance(parsed, CsiRecord)
-        assert same(parsed, record(layout=layout))
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"layout": 21}, "layout 21"),
-        ({"n_rx": 2}, "shape"),
-        ({"csi": np.full((30, 3, 1), 128, np.complex64)}, "-128..127"),
-        ({"csi": np.full((30, 3, 1), 0.5, np.complex64)}, "whole"),
-        ({"csi": np.full((30, 3, 1), np.nan, np.complex64)}, "whole"),
-        ({"mac": b"short"}, "MAC"),
-        ({"frame_count": None}, "frame_count"),
-        ({"agc": 256}, "does not fit"),
-        ({"frame_count": 1 << 32}, "does not fit"),
-    ],
-)
-def test_encoder_refuses_what_no_card_reports(change: dict[str, object], reason: str) -> None:
-    with pytest.raises(EncodeError, match=reason):
-        encode_body(replace(record(), **change))  # type: ignore[arg-type]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.connector import encode_message
 from csi_bridge.encoder import encode_body
-from csi_bridge.records import CSI_CODE, CsiError
+from csi_bridge.records import CSI_CODE
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixFeeder, UnixSocketError, UnixSource
 from tests.csi_records import record
@@ -67,13 +67,3 @@ def test_stale_socket_is_taken_over_and_a_live_one_is_not(tmp_path: Path) -> Non
 def test_unusable_path_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnixSocketError, match="nowhere"):
         UnixSource(tmp_path / "nowhere" / "csi")
-
-
-def test_connector_message_layout() -> None:
-    message = encode_message(26, 0xBB, b"body")
-    assert message[:4] == (41).to_bytes(4, "little")
-    assert message[16:20] == (26).to_bytes(4, "little")
-    assert message[36:] == b"\xbbbody"
-    assert decode_message(message, 26) == (0xBB, b"body")
-    with pytest.raises(CsiError, match="index 26, expected 25"):
-        decode_message(message, 25)

@@ -83,7 +83,7 @@ def test_refusals_name_quantity_and_limit() -> None:
     with pytest.raises(ApertureError, match="wavelength_m is -1"):
         make_aperture(t, p, g, -1.0, min_length_m=0.0)
     with pytest.raises(ApertureError, match="t_s decreases"):
-        Aperture(t[::-1], p, g, 0.05, (0, 0, 0), 0.0)
+        Aperture(t_s=t[::-1], chi_m=p, channel=g, wavelength_m=0.05, reference_p_m=(0, 0, 0), reference_t_s=0.0)
     for ours, theirs in ((30, 1), (1, 30), (29, 29), (0, 0)):
         ahead, back = np.ones((50, ours), np.complex64), np.ones((50, theirs), np.complex64)
         with pytest.raises(ApertureError, match=f"forward has {ours} subcarriers and reverse {theirs}; expected 30"):

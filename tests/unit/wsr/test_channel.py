@@ -35,6 +35,16 @@ def test_channel_number_of_another_band_is_refused() -> None:
         channel.channel_frequency_hz(5540)
 
 
+@pytest.mark.parametrize(
+    ("number", "named"),
+    [(1, "2.4 GHz"), (6, "2.4 GHz"), (14, "2.4 GHz"), (0, "no 5 GHz"), (38, "wide"), (155, "wide"), (200, "no 5")],
+)
+def test_what_is_no_channel_of_20_mhz_is_named(number: int, named: str) -> None:
+    with pytest.raises(ValueError, match=f"channel {number} is .*{named}.*expected one of 36"):
+        channel.wavelength_m(number)
+    assert len(channel.CHANNELS_5GHZ) == 28
+
+
 @pytest.mark.parametrize("delay_ns", [-700, -200, -50, 0, 30, 400, 700])
 def test_centre_phase_does_not_see_the_delay(delay_ns: float) -> None:
     phases = np.linspace(-3, 3, 7)

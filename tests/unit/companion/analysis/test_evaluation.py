@@ -28,10 +28,10 @@ from companion.analysis.result import Options
 from companion.analysis.runs import find_runs
 from companion.analysis.trajectories import PoseKind
 from companion.cli import program
+from companion.commands.evaluate import _trust_line
 from companion.errors import CompanionError
 from tests import paths
 from tests.synthetic_run import write_run
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile, profile_variance
 
 DATA = paths.DATA / "wsr_dataset_dev"
 SPATIAL = DATA.parent / "wsr_3d"
@@ -39,7 +39,21 @@ SPATIAL = DATA.parent / "wsr_3d"
 
 def row(set_name: str, error_deg: float, reliability: float = 0.9, reason: str = "") -> LinkRow:
     return LinkRow(
-        set_name, "L1", "run", "tx2", error_deg, 0.0, 0.0, None, None, None, None, 1.0, reliability, 500, reason
+        set=set_name,
+        position="L1",
+        run="run",
+        tx="tx2",
+        error_deg=error_deg,
+        azimuth_deg=0.0,
+        true_azimuth_deg=0.0,
+        polar_deg=None,
+        true_polar_deg=None,
+        elevation_deg=None,
+        true_elevation_deg=None,
+        azimuth_std_deg=1.0,
+        reliability=reliability,
+        packets=500,
+        reason=reason,
     )
 
 
@@ -187,16 +201,21 @@ def test_trust_compares_the_reliability_with_the_profile_variance() -> None:
     assert result.area_reliability_deg == pytest.approx(np.mean([2.0, 3.0, 16 / 3, 14.0]))
     assert result.area_profile_variance_deg == pytest.approx(np.mean([40.0, 25.0, 18.0, 14.0]))
     assert (result.best_half.n, result.best_half.mean_deg) == (2, 3.0)
-    assert result.reliable == 3
+    assert (result.links, result.reliable) == (4, 3)
+    low, high = result.area_difference_deg
+    assert low <= result.area_reliability_deg - result.area_profile_variance_deg <= high
+    assert result.best_half_gain_deg[0] <= 14.0 - 3.0 <= result.best_half_gain_deg[1]
+    assert trust(rows) == result  # the same draws every time
     assert result.reliable_within_3_std == pytest.approx(1 / 3)
 
 
-def test_profile_variance_is_one_without_a_peak_and_small_with_one() -> None:
-    flat = Profile(np.ones((180, 360), np.float32), AZIMUTH_RAD, POLAR_RAD)
-    assert profile_variance(flat, 0.3, POLAR_RAD[90]) == pytest.approx(1.0, rel=1e-3)
-    peaked = Profile(np.full((180, 360), 1e-9, np.float32), AZIMUTH_RAD, POLAR_RAD)
-    peaked.power[90, 20] = 1.0
-    assert profile_variance(peaked, AZIMUTH_RAD[20], POLAR_RAD[90]) < 0.01
+@pytest.mark.parametrize(("count", "ranked"), [(18, False), (49, False), (50, True)])
+def test_a_ranking_is_shown_with_its_interval_from_fifty_links_on(count: int, ranked: bool) -> None:
+    rows = [replace(row("A", float(n), 1 - n / 100), profile_variance=1.0) for n in range(1, count + 1)]
+    line = _trust_line(trust(rows))
+    assert f"of {count} links" in line
+    assert ("more reliable half (25 links)" in line and "(95 %)" in line) == ranked
+    assert (f"{count} links, at least 50 are needed" in line) == (not ranked)
 
 
 @pytest.mark.parametrize("poses", ["mocap", "t265"])

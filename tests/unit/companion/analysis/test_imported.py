@@ -14,22 +14,15 @@ from companion.analysis.bearings import OUTSIDE, analyze_run
 from companion.analysis.imported import analyze_session, export_run, import_run
 from companion.analysis.result import Options
 from companion.analysis.runs import RecordingError, Run, find_runs, loose_run
-from companion.analysis.tables import as_json
+from companion.analysis.summary import as_json
 from companion.cli import main
 from companion.errors import CompanionError
 from companion.log.reader import metadata_of, open_session
 from companion.log.repair import copy
 from companion.log.writer import LogWriter
 from tests.csi_records import needs_data
-from tests.faults.campaigns import FULL
-from tests.paths import DATA
+from tests.faults.campaigns import FULL, recordings
 from tests.synthetic_run import RunFolder
-
-
-def chosen() -> list[Run]:
-    """One run of each public set; all of them in the long campaign (`make faults`)."""
-    runs = find_runs(DATA) if DATA.is_dir() else []
-    return runs if FULL else list({run.set_name: run for run in reversed(runs)}.values())
 
 
 @pytest.fixture
@@ -96,7 +89,7 @@ def test_a_loose_file_that_cannot_be_read_is_no_recording(run: RunFolder, tmp_pa
 
 
 @needs_data
-@pytest.mark.parametrize("found", chosen(), ids=lambda run: f"{run.set_name}-{run.stamp}")
+@pytest.mark.parametrize("found", recordings(first=True))
 def test_fault_00_a_recording_imported_replayed_and_reported_gives_the_same_bearings(
     found: Run, tmp_path: Path, run_cli: Callable[..., str]
 ) -> None:

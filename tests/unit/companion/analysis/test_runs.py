@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from companion.analysis.runs import RecordingError, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, TrajectoryError, read_trajectory
+from companion.analysis.trajectories import PoseKind, read_trajectory
+from companion.pose.trajectory_columns import TrajectoryError
 from tests.csi_records import needs_data
 from tests.paths import DATA
 
@@ -40,6 +41,47 @@ def test_runs_of_several_folders_are_found_by_their_stamps(tmp_path: Path) -> No
         PoseKind.MOCAP: "rx_trajectory_2021-03-03_212019_.csv",
     }
     assert third.truth is None
+
+
+def _touch(*names: Path) -> None:
+    for name in names:
+        name.parent.mkdir(parents=True, exist_ok=True)
+        name.touch()
+
+
+def test_linked_folders_are_gone_into_and_each_real_one_counts_once(tmp_path: Path) -> None:
+    disk, root = tmp_path / "disk", tmp_path / "sets"
+    _touch(disk / "los/a/csi_rx_1.dat", disk / "los/b/csi_rx_2.dat", root / "z/c/csi_rx_3.dat")
+    (root / "a-set").symlink_to(disk / "los")
+    (root / "again").symlink_to(disk)
+    (root / "b").symlink_to(disk / "los/b")
+    (root / "to-c").symlink_to(root / "z/c")
+    (root / "z/up").symlink_to(root)
+    (disk / "los/around").symlink_to(disk)
+    (root / "gone").symlink_to(tmp_path / "nowhere")
+    found = [(run.folder.relative_to(root), run.title) for run in find_runs(root)]
+    assert found == [(Path("a-set/a"), "los/a 1"), (Path("a-set/b"), "los/b 2"), (Path("z/c"), "z/c 3")]
+    link = tmp_path / "link"
+    link.symlink_to(root)
+    assert [run.stamp for run in find_runs(link)] == ["1", "2", "3"]
+
+
+def test_what_belongs_to_a_linked_run_is_found_beside_the_real_one(tmp_path: Path) -> None:
+    disk, root = tmp_path / "disk/set", tmp_path / "mine"
+    _touch(disk / "a_csi/csi_rx_1.dat", disk / "a_traj/rx_trajectory_1_.csv", disk / "groundtruth_positions.json")
+    root.mkdir()
+    (root / "a").symlink_to(disk / "a_csi")
+    (run,) = find_runs(root)
+    assert run.folder == root / "a"
+    assert run.trajectories == {PoseKind.MOCAP: disk / "a_traj/rx_trajectory_1_.csv"}
+    assert run.truth == disk / "groundtruth_positions.json"
+
+
+def test_the_folder_one_stands_in_has_folders_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _touch(tmp_path / "csi/csi_rx_1.dat", tmp_path / "poses/rx_trajectory_1_.csv")
+    monkeypatch.chdir(tmp_path / "csi")
+    (run,) = find_runs(Path())
+    assert run.trajectories == {PoseKind.MOCAP: tmp_path / "poses/rx_trajectory_1_.csv"}
 
 
 @needs_data
@@ -111,7 +153,8 @@ def test_jumps_are_counted_and_lost_poses_left_out(tmp_path: Path) -> None:
     trajectory = read_trajectory(rows(tmp_path / "t.csv", lines), PoseKind.MOCAP)
     assert len(trajectory.t_s) == 5
     assert [problem.split(": ")[1] for problem in trajectory.problems] == [
-        "1 jumps of more than 0.1 m; the tracker lost itself"
+        "1 poses left out that are no numbers (nan or inf)",
+        "1 jumps of more than 0.1 m; the tracker lost itself",
     ]
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from companion.autopilot.px4_modes import flight_mode
-from companion.autopilot.telemetry import Telemetry
+from companion.autopilot.telemetry import Telemetry, is_healthy
 from companion.core.messages import FlightMode
 
-_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4}
-_POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3}
+_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4, "autopilot": 12}
+_POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3, "time_boot_ms": 57_000}
 
 
 class _Bench:
@@ -36,7 +36,7 @@ def test_position_turns_from_ned_to_enu(bench: _Bench) -> None:
     state = bench.telemetry.state()
     assert state.p_local_enu_m == (2.0, 1.0, 3.0)
     assert state.v_local_enu_m_s == (0.2, 0.1, 0.3)
-    bench.take("ATTITUDE", {"yaw": math.radians(30)})
+    bench.take("ATTITUDE", {"yaw": math.radians(30), "time_boot_ms": 57_001})
     assert bench.telemetry.state().yaw_enu_rad == pytest.approx(math.radians(60))
 
 
@@ -56,9 +56,9 @@ def test_failsafe_landed_state_and_battery(bench: _Bench) -> None:
     for landed_state, in_air in [(0, False), (1, False), (2, True), (3, True), (4, True)]:
         bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
         assert bench.telemetry.state().in_air is in_air
-    bench.take("BATTERY_STATUS", {"battery_remaining": 42})
+    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": 42})
     assert bench.telemetry.state().battery_remaining == 0.42
-    bench.take("BATTERY_STATUS", {"battery_remaining": -1})
+    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": -1})
     assert bench.telemetry.state().battery_remaining is None
 
 
@@ -123,3 +123,39 @@ def test_parameters_in_both_types_and_answers_to_commands(bench: _Bench) -> None
 )
 def test_px4_modes(main: int, sub: int, mode: FlightMode) -> None:
     assert flight_mode(main << 16 | sub << 24) is mode
+
+
+@pytest.mark.parametrize(
+    ("flags", "at_rest", "in_air"),
+    [
+        (1023, True, False),  # GPS, disarmed at rest
+        (895, True, True),  # GPS
+        (495, True, False),  # our poses, disarmed at rest
+        (367, True, True),  # our poses
+        (383, True, True),  # our poses, with an origin
+        (229, False, False),  # no poses yet
+        (111, False, False),  # no poses for 0.6 s
+        (101, False, False),  # none for 5 s
+        (895 | 2048, False, False),
+    ],
+)
+def test_what_px4_says_of_its_estimator(flags: int, at_rest: bool, in_air: bool) -> None:
+    assert (is_healthy(flags, in_air=False), is_healthy(flags, in_air=True)) == (at_rest, in_air)
+
+
+def test_modes_intended_and_flown(bench: _Bench) -> None:
+    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24, "intended_custom_mode": 6 << 16})
+    assert (bench.telemetry.state().mode, bench.telemetry.state().intended_mode) == (
+        FlightMode.HOLD,
+        FlightMode.OFFBOARD,
+    )
+    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24, "intended_custom_mode": 0})
+    assert bench.telemetry.state().intended_mode is None
+
+
+def test_what_the_vehicle_is(bench: _Bench) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT)
+    bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 0x011001FF})
+    assert (bench.telemetry.state().autopilot, bench.telemetry.state().firmware) == ("px4", "1.16.1")
+    bench.take("HEARTBEAT", _HEARTBEAT | {"autopilot": 3})
+    assert bench.telemetry.state().autopilot == "ardupilot"

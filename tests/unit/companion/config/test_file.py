@@ -58,6 +58,15 @@ def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path
 
 
 @pytest.mark.parametrize(
+    ("channel", "named"),
+    [(6, "is a 2.4 GHz channel"), (38, "is the centre of a wide channel"), (37, "is no 5 GHz channel")],
+)
+def test_only_channels_that_there_are_are_accepted(tmp_path: Path, channel: int, named: str) -> None:
+    text = errors_of(write(tmp_path, csi={"channel": channel}))
+    assert f"csi.channel: channel {channel} {named}" in text and "expected one of 36" in text
+
+
+@pytest.mark.parametrize(
     ("changes", "expected"),
     [
         ({"role": "plane"}, "role"),
@@ -71,6 +80,19 @@ def test_fault_28_all_errors_are_reported_at_once_with_their_keys(tmp_path: Path
         ({"wings": 2}, "wings: unknown key"),
         ({"neighbours": {"key_file": "uav.key", "rate_hz": 1.0}}, "neighbours.rate_hz: 1; expected at least 2"),
         ({"neighbours": {"key_file": "beacon.key"}}, "key_file: beacon.key stands twice"),
+        ({"mission": {"control": "flyy"}}, "mission.control: expected observe or fly (got 'flyy')"),
+        (
+            {"neighbours": {"key_file": "u", "broadcast": "192.168.01.255"}},
+            "neighbours.broadcast: expected four numbers",
+        ),
+        (
+            {"peers": [{"id": 2, "name": "b", "mac": "00-21", "key_file": "b.key"}]},
+            "peers[0].mac: expected six pairs of hexadecimal digits with colons between them, for example",
+        ),
+        ({"pose": {"antenna_m": [0, 0, 5]}}, "pose.antenna_m: 5 m up; expected within 2 m"),
+        ({"recorder": {"path": "~/log.mcap"}}, "recorder.path: ~/log.mcap: ~ is not expanded"),
+        ({"state_dir": "~/state"}, "state_dir: ~/state: ~ is not expanded"),
+        ({"recorder": {"path": "logs/"}}, "recorder.path: logs/: a folder; expected a file"),
     ],
 )
 def test_a_wrong_value_names_its_key(tmp_path: Path, changes: dict[str, object], expected: str) -> None:

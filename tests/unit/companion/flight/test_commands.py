@@ -12,7 +12,14 @@ from companion.core.messages import FlightMode, VehicleState
 from companion.flight.commands import FlightCommands
 
 _NOW_NS = 100 * NS_PER_S
-_FLYING = VehicleState(_NOW_NS, _NOW_NS, FlightMode.OFFBOARD, _NOW_NS, armed=True, in_air=True)
+_FLYING = VehicleState(
+    t_mono_ns=_NOW_NS,
+    heartbeat_mono_ns=_NOW_NS,
+    mode=FlightMode.OFFBOARD,
+    mode_mono_ns=_NOW_NS,
+    armed=True,
+    in_air=True,
+)
 _PLACED = replace(_FLYING, p_local_enu_m=(0.0, 0.0, 1.5), position_mono_ns=_NOW_NS)
 
 
@@ -57,3 +64,31 @@ async def test_where_hold_is_refused_it_lands() -> None:
 async def test_a_mode_that_somebody_took_since_the_last_tick_stays_theirs(mode: FlightMode) -> None:
     """The loop may have stood still for long before it failed: a pilot who took over then is obeyed."""
     assert await _left(replace(_PLACED, mode=mode)) == []
+
+
+class _Landing(_Autopilot):
+    """Disarms after some looks at it, and is then in a mode of its own."""
+
+    def __init__(self, mode: FlightMode, intended: FlightMode | None = None) -> None:
+        super().__init__(replace(_PLACED, mode=FlightMode.LAND, in_air=False))
+        self._then = replace(self._state, armed=False, mode=mode, intended_mode=intended)
+        self._looks = 0
+
+    def state(self) -> VehicleState:
+        self._looks += 1
+        return self._state if self._looks < 20 else self._then
+
+
+@pytest.mark.parametrize(
+    ("landing", "commanded"),
+    [
+        (_Landing(FlightMode.OFFBOARD), ["hold"]),
+        (_Landing(FlightMode.HOLD, FlightMode.OFFBOARD), ["hold"]),
+        (_Landing(FlightMode.HOLD), []),
+        (_Landing(FlightMode.MANUAL), []),
+    ],
+)
+async def test_after_a_landing_offboard_is_left_once_it_has_disarmed(landing: _Landing, commanded: list[str]) -> None:
+    clock = ManualClock()
+    await FlightCommands(landing, clock, lambda *_: None).leave_on_the_ground()  # type: ignore[arg-type]
+    assert landing.commanded == commanded and clock.now_ns() >= 1.9 * NS_PER_S

@@ -81,6 +81,7 @@ async def test_an_observing_service_cannot_command(name: str) -> None:
 def test_every_command_of_the_port_is_barred_or_harmless() -> None:
     """A method that is added to the port must be thought of here."""
     harmless = {"connect", "run", "problem", "aclose", "state", "take_events", "parameter", "send_odometry"}
+    harmless |= {"set_origin"}
     port = {name for name, _ in inspect.getmembers(Autopilot) if not name.startswith("_")}
     assert port == harmless | set(_COMMANDS) | {"send_setpoint"}
 
@@ -92,7 +93,7 @@ def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
     texts = {name: text for name, text in texts.items() if not name.startswith("sim/")}
     assert {name for name, text in texts.items() if ".send_setpoint(" in text} == {
         "flight/loop.py",
-        "autopilot/snapshot.py",
+        "autopilot/delegating.py",
     }
     flight = texts["flight/loop.py"]
     assert flight.count(".send_setpoint(") == 1 and re.findall(r"self\._send\((.*)\)", flight) == ["verdict.setpoint"]
@@ -102,18 +103,43 @@ def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
     assert plugins == {"mavlink_direct"}, "the library's own offboard plugin repeats the last set point for ever"
 
 
+_ABOUT_THE_FLIGHT = (
+    "course",
+    "engagement",
+    "knowledge",
+    "limits",
+    "local_frame",
+    "observer",
+    "origin",
+    "rc_switch",
+    "records",
+    "status",
+    "wishes",
+)
+
+
+def test_what_the_loop_knows_is_asked_and_answers_commands_nothing() -> None:
+    """Modules of the room that may name no command of the port, nor start one."""
+    folder = Path(companion.__file__).parent / "flight"
+    named = re.compile(rf"\.({'|'.join((*_COMMANDS, 'send_setpoint', 'start', 'leave_at_end'))})\(|FlightCommands")
+    assert {path.stem for path in folder.glob("*.py") if named.search(path.read_text())} == {"loop", "commands"}
+    assert set(_ABOUT_THE_FLIGHT) | {"__init__", "commands", "loop", "vio_forward"} == {
+        path.stem for path in folder.glob("*.py")
+    }
+
+
 class _Sar:
     def __init__(self) -> None:
-        self.start_ns: int | None = None
+        self.is_measuring = False
         self.is_waiting = False
         self.path_m = 0.0
         self.finished: list[int] = []
 
     def begin(self) -> None:
-        self.start_ns, self.path_m = 1, 0.0
+        self.is_measuring, self.path_m = True, 0.0
 
     def finish(self, end_ns: int) -> None:
-        self.start_ns = None
+        self.is_measuring = False
         self.finished.append(end_ns)
 
     def path_length_m(self) -> float:
@@ -135,7 +161,7 @@ def test_the_observer_cuts_the_path_of_whoever_moves_the_vehicle() -> None:
 
 
 def test_what_would_be_sent_leads_to_the_target_at_flying_height() -> None:
-    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(takeoff_height_m=1.5, speed_m_s=0.4))
+    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(speed_m_s=0.4), 1.5)
     assert wanted.p_local_enu_m == pytest.approx((1.0, 2.2, 1.5)) and wanted.v_local_enu_m_s == pytest.approx(
         (0, 0.4, 0)
     )
@@ -154,11 +180,10 @@ def test_a_failed_connection_waits_longer_each_time_up_to_a_cap() -> None:
 class _Still:
     """A SAR that is never done, so that the approach stays on its leg."""
 
-    start_ns: int | None = None
     is_waiting = True
 
     def begin(self) -> None:
-        self.start_ns = 0
+        pass
 
     def finish(self, end_ns: int) -> None:
         pass
@@ -201,7 +226,17 @@ def test_after_a_refusal_it_stands_inside_the_fence() -> None:
 def _bearing(from_m: Vector3, target_m: Vector3) -> Bearing:
     dx, dy, dz = (t - f for t, f in zip(target_m, from_m, strict=True))
     polar = math.acos(dz / math.hypot(dx, dy, dz))
-    return Bearing(1, from_m, math.atan2(dy, dx), polar, math.radians(1), math.radians(2), (0.0, 0.0, 0.0), 9, 0.9)
+    return Bearing(
+        t_mono_ns=1,
+        p_local_enu_m=from_m,
+        azimuth_rad=math.atan2(dy, dx),
+        polar_rad=polar,
+        azimuth_std_rad=math.radians(1),
+        polar_std_rad=math.radians(2),
+        target_p_enu_m=(0.0, 0.0, 0.0),
+        target_boot=9,
+        reliability=0.9,
+    )
 
 
 class _Neighbour(Neighbour):

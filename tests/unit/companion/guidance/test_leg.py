@@ -50,7 +50,17 @@ def bearing_to(
     polar_rad = math.acos(z / np.linalg.norm(target - place)) + turned[1]
     own_m = tuple(np.zeros(3) if own is None else own)
     azimuth_rad = math.atan2(y, x) + turned[0]
-    return Bearing(round(t_s * 1e9), tuple(place), azimuth_rad, polar_rad, 0.02, 0.02, own_m, 7, 0.9)
+    return Bearing(
+        t_mono_ns=round(t_s * 1e9),
+        p_local_enu_m=tuple(place),
+        azimuth_rad=azimuth_rad,
+        polar_rad=polar_rad,
+        azimuth_std_rad=0.02,
+        polar_std_rad=0.02,
+        target_p_enu_m=own_m,
+        target_boot=7,
+        reliability=0.9,
+    )
 
 
 def test_bearings_from_the_side_make_a_position() -> None:
@@ -107,9 +117,10 @@ def test_a_target_that_drives_across_is_not_taken_for_near() -> None:
         target = np.array([8.0, 0.4 * leg, 0.3])
         found = tracker.add(bearing_to(target, np.array([0.7 * leg, 0.0, 1.5]), 3.5 * leg, target - origin))
     place, own = (3.5, 0.0, 1.5), (48.0, -7.0, -1.7)
-    assert found.range_from(place, own) > 4.0
-    nearer, on_the_way = found.range_from(place, own), (49.0, -7.0, -1.7)
-    assert found.range_from((4.5, 0.0, 1.5), on_the_way) == pytest.approx(nearer, abs=1e-6)
+    there, on_the_way = found.place(own), found.place((49.0, -7.0, -1.7))
+    assert there is not None and on_the_way is not None
+    assert math.dist(place, there) > 4.0
+    assert math.dist((4.5, 0.0, 1.5), on_the_way) == pytest.approx(math.dist(place, there), abs=1e-6)
 
 
 def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:

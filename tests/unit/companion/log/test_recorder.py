@@ -35,13 +35,12 @@ from companion.core.streams import (
     POSE_IN,
     PROFILE,
     SETPOINT,
-    STREAMS,
     TARGET,
     TICK,
     VEHICLE,
     Stream,
 )
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.guidance.tracker import Target, TargetReport
 from companion.log.foxglove import power_of
 from companion.log.lines import LogLine
@@ -81,10 +80,11 @@ def write(path: Path, messages: int, config: Config = CONFIG) -> McapRecorder:
 def one_of_each(path: Path) -> None:
     recorder = McapRecorder(path, CONFIG, clock())
     chi = np.arange(6.0).reshape(2, 3)
-    vehicle = VehicleState(7, mode=FlightMode.HOLD, p_local_enu_m=(1.0, 2.0, 3.0), yaw_enu_rad=1.0)
+    vehicle = VehicleState(t_mono_ns=7, mode=FlightMode.HOLD, p_local_enu_m=(1.0, 2.0, 3.0), yaw_enu_rad=1.0)
     aperture = ApertureRecord(
-        3, 2, 10, 20, np.zeros(2).tobytes(), chi.tobytes(), np.ones(2, complex).tobytes(), 0.05, (1.0, 0.0, 0.0)
-    )
+        number=3, peer=2, start_ns=10, end_ns=20, t_s=np.zeros(2).tobytes(), chi_m=chi.tobytes(),
+        channel=np.ones(2, complex).tobytes(), wavelength_m=0.05, reference_p_m=(1.0, 0.0, 0.0),
+    )  # fmt: skip
     power = np.linspace(0, 1, 180 * 360).astype(np.float16).tobytes()
     target = Target(9, 0.5, (1.0, 1.0, 1.0), 4, 6.0, 0.3)
     messages: tuple[tuple[Stream, object], ...] = (
@@ -103,7 +103,7 @@ def one_of_each(path: Path) -> None:
 
 
 def test_what_goes_in_comes_out(tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "log.mcap"
+    path = tmp_path / "log.mcap"
     recorder = write(path, 500)
     assert (recorder.written, recorder.dropped, recorder.failures) == (1000, 0, 0)
     messages = read_log(path, {SETPOINT.topic, CSI.topic})
@@ -330,11 +330,6 @@ def test_a_chunk_that_none_follows_goes_to_the_disk_in_time(tmp_path: Path, monk
     recorder.close()
 
 
-def test_every_stream_has_a_topic_of_its_own() -> None:
-    topics = [stream.topic for stream in STREAMS]
-    assert len(set(topics)) == len(topics)
-
-
 def _sizes(path: Path) -> list[int]:
     """Of all files of a recording; one that is removed meanwhile is none."""
     sizes = []
@@ -362,3 +357,18 @@ def _is_whole(path: Path) -> bool:
     for _ in scan:
         pass
     return scan.is_whole
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("absent/log.mcap", "there is no folder"), (".", "a folder; expected a file")]
+)
+def test_a_place_that_cannot_be_meant_is_refused(tmp_path: Path, name: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"recorder.path .*{said}"):
+        write(tmp_path / name, 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_services_own_directory_is_made(tmp_path: Path) -> None:
+    own = dataclasses.replace(CONFIG, runtime_dir=str(tmp_path / "run" / "companion"))
+    write(own.path("log.mcap"), 1, own)
+    assert own.path("log.mcap").exists()

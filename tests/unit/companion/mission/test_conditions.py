@@ -17,11 +17,17 @@ LIMITS = ConditionLimits(
     pose_stale_s=0.2, pose_lost_s=8, silent_s=2, blind_legs=3, min_battery=0.2, approach_s=900, hold_s=60
 )
 FLYING = VehicleState(
-    NOW_NS, NOW_NS - NS_PER_S, FlightMode.OFFBOARD, NOW_NS, armed=True, in_air=True, battery_remaining=0.8
+    t_mono_ns=NOW_NS,
+    heartbeat_mono_ns=NOW_NS - NS_PER_S,
+    mode=FlightMode.OFFBOARD,
+    mode_mono_ns=NOW_NS,
+    armed=True,
+    in_air=True,
+    battery_remaining=0.8,
 )
 QUIET = Situation(
-    FLYING,
-    NOW_NS,
+    vehicle=FLYING,
+    now_ns=NOW_NS,
     in_state_s=1,
     took_off=True,
     pose_age_s=0.01,
@@ -45,6 +51,7 @@ def test_a_quiet_flight_raises_nothing(state: State) -> None:
         (Event.LINK_LOST, replace(QUIET, vehicle=replace(FLYING, mode_mono_ns=NOW_NS - 1_501_000_000))),
         (Event.LINK_LOST, replace(QUIET, vehicle=replace(FLYING, heartbeat_mono_ns=NOW_NS - 1_501_000_000))),
         (Event.STALLED, replace(QUIET, stream_gap_s=0.51)),
+        (Event.STALLED, replace(QUIET, stood_still_s=0.51)),
         (Event.MODE_LOST, replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.MANUAL))),
         (Event.MODE_LOST, replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.RETURN))),
         (Event.POSE_LOST, replace(QUIET, pose_failed=True)),

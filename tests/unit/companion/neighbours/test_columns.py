@@ -2,32 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.neighbours import wire
 from companion.neighbours.columns import pack, unpack
-from companion.replay.datagrams import resigned
-from tests.unit.companion.neighbours.test_wire import KEY, datagram
-from tests.unit.companion.neighbours.test_wire_document import KEY as EXAMPLE_KEY
-from tests.unit.companion.neighbours.test_wire_document import example
-
-VERSION_2 = bytes.fromhex(
-    """
-    57 53 52 4e 02 02 02 00 cd ab 34 12 07 00 00 00
-    29 00 00 00 00 00 00 00 00 f2 05 2a 01 00 00 00
-    02 02 01 00 d4 30 00 00 78 ec ff ff b8 0b 00 00
-    e8 03 00 00 d8 fe ff ff 10 27 00 00 23 03 00 00
-    00 00 00 00 02 00 64 00 00 00 02 00 00 00 00 00
-    96 cc 7f 00 86 9f 58 6e 20 a8 32 be 10 86 01 08
-    20 80 a0 cb c1 39 8e 20 08 82 20 08 82 20 e8 89
-    89 23 25 7d 53 83 da 33 b3 35 d4 bb 0e dc d0 64
-    """
-)
 
 
 @given(st.data())
@@ -45,6 +25,36 @@ def test_whatever_fits_its_bits_comes_back(data: st.DataObject) -> None:
             unpack(packed + b"\0", [(len(values), size) for values, size in columns])
         with pytest.raises(ValueError, match=r"expected|left"):
             unpack(packed[:-1], [(len(values), size) for values, size in columns])
+
+
+def _bit_by_bit(data: bytes, columns: list[tuple[int, int]]) -> list[list[int]]:
+    """The layout as its description says it, read the slow way."""
+    bits = iter([byte >> i & 1 for byte in data for i in range(8)])
+
+    def number(size: int) -> int:
+        return sum(next(bits) << i for i in range(size))
+
+    heads = [(number(size), number(5)) for _, size in columns]
+    for _ in range(-sum(size + 5 for _, size in columns) % 8):
+        next(bits)
+    return [
+        [least + number(width) for _ in range(count)] for (count, _), (least, width) in zip(columns, heads, strict=True)
+    ]
+
+
+@given(st.data())
+def test_columns_of_every_width_are_read_as_bit_by_bit(data: st.DataObject) -> None:
+    """At every offset within a byte, since the widths before are any."""
+    shape = data.draw(st.lists(st.tuples(st.integers(0, 20), st.integers(1, 31)), max_size=6))
+    columns = []
+    for count, size in shape:
+        most = 2 ** data.draw(st.integers(0, size)) - 1
+        values = data.draw(st.lists(st.integers(0, most), min_size=count, max_size=count))
+        columns.append((np.array(values, np.int64), size))
+    packed = pack(columns)
+    found = unpack(packed, shape)
+    assert [values.tolist() for values in found] == _bit_by_bit(packed, shape)
+    assert all(values.dtype == np.int64 for values in found)
 
 
 @given(st.binary(max_size=60))
@@ -67,16 +77,3 @@ def test_equal_rows_take_no_bits_and_too_large_ones_are_refused() -> None:
 def test_a_column_wider_than_its_numbers_is_refused() -> None:
     with pytest.raises(ValueError, match="left"):
         unpack((31 << 8).to_bytes(2, "little") + bytes(40), [(3, 8)])
-
-
-def test_a_log_of_version_2_says_the_same_again() -> None:
-    assert resigned(VERSION_2, EXAMPLE_KEY) == wire.encode(replace(example(), echo=None), EXAMPLE_KEY)
-    with pytest.raises(wire.WireError, match="version 2"):
-        resigned(VERSION_2[:60], EXAMPLE_KEY)
-    with pytest.raises(wire.VersionError, match="version 2, this program 3"):
-        wire.decode(VERSION_2, [EXAMPLE_KEY])
-
-
-def test_a_log_of_this_version_is_only_signed_anew() -> None:
-    sent = datagram()
-    assert resigned(wire.encode(sent, b"x" * 32), KEY) == wire.encode(sent, KEY)

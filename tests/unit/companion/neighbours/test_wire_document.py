@@ -10,9 +10,9 @@ import numpy as np
 
 from companion.neighbours import wire
 from tests.paths import DOCS
+from tests.wire_example import KEY, example
 
 DOCUMENT = DOCS / "wire.md"
-KEY = bytes(range(32))
 
 
 def documented() -> bytes:
@@ -20,33 +20,6 @@ def documented() -> bytes:
     lines = [line.split() for line in text.splitlines() if line.strip()]
     assert [int(words[0], 16) for words in lines] == list(range(0, 16 * len(lines), 16))
     return bytes.fromhex("".join("".join(words[1:]) for words in lines))
-
-
-def example() -> wire.Datagram:
-    first = [[31, -31], [0, 1], [-1, 2], [5, -5], [0, 0], [10, -20], [30, -30], [1, 1]]
-    second = [[-31, 7], [3, 3], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [-2, 2]]
-    return wire.Datagram(
-        wire.Role.BEACON,
-        2,
-        7 << 32 | 0x1234ABCD,
-        41,
-        5_000_000_000,
-        wire.PoseBatch(
-            np.array([4_980_000_000, 5_000_000_000]),
-            np.array([[1.25, -0.5, 0.3], [1.26, -0.5, 0.3002]]),
-            np.array([3, 2], np.uint8),
-        ),
-        wire.CsiBatch(
-            np.array([1000, 1001], np.uint32),
-            np.array([4_990_000_000, 4_998_200_000]),
-            np.array([4_294_967_000, 7904], np.uint32),
-            np.array([first, second], np.int8),
-            np.array([150, 160], np.uint8),
-            np.array([-52, -53], np.int8),
-            np.array([0, 2], np.uint8),
-        ),
-        echo=wire.Echo(1, 4_900_000, 20_000),
-    )
 
 
 def test_the_example_is_what_the_code_makes() -> None:

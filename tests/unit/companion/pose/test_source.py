@@ -91,6 +91,27 @@ def test_a_reader_that_began_anew_is_noticed(tmp_path: Path) -> None:
     assert source.resets == 1
 
 
+def test_two_readers_at_once_are_told_in_one_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path, got = tmp_path / "pose.sock", list[Pose]()
+    source = PoseSource(path, 0.0, got.append)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
+        camera.connect(str(path))
+        for number in range(500):
+            for session, x in ((7, 1.0), (8, 2.0)):
+                pose = replace(raw((x, 0.0, 0.0)), session=session, t_mono_ns=number * 5_000_000)
+                camera.send(wire.encode(pose))
+                source.drain()
+        assert (source.resets, source.received, source.strangers) == (1, 501, 499)
+        assert len({pose.p_enu_m for pose in got[1:]}) == 1
+        (said,) = caplog.messages
+        assert "two camera readers" in said
+        # The one that is kept ends: the other is taken as one that begins anew.
+        camera.send(wire.encode(replace(raw((1.0, 0.0, 0.0)), session=7, t_mono_ns=4_000_000_000)))
+        source.drain()
+    source.close()
+    assert (source.resets, source.received) == (2, 502)
+
+
 def test_a_socket_in_use_is_not_taken_but_a_stale_one_is(tmp_path: Path) -> None:
     path = tmp_path / "pose.sock"
     first = PoseSource(path, 0.0, lambda _: None)

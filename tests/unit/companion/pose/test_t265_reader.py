@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
+import random
 import socket
 import subprocess
 import sys
@@ -117,8 +118,13 @@ def test_a_recording_is_played_back(tmp_path: Path) -> None:
     with _service(tmp_path / "pose.sock") as got:
         done = _run(python, "companion.pose.t265_reader", "--socket", str(tmp_path / "pose.sock"), "--bag", str(bag))
     assert done.returncode == 0, done.stderr
-    assert len(got) == pytest.approx(60, abs=2)
-    assert got[5][1].position_m[1:] == (2.0, 3.0)
+    poses = [pose for _, pose in got if not math.isnan(pose.position_m[0])]
+    numbers = [round(1000 * pose.position_m[0]) for pose in poses]
+    # In real time, where the library passes over what it is late for: how many come is up to the machine.
+    assert len(numbers) > 15
+    assert numbers == sorted(set(numbers) & set(range(60)))
+    for number, pose in zip(numbers, poses, strict=True):
+        assert pose.position_m == pytest.approx((0.001 * number, 2.0, 3.0), abs=1e-6)
 
 
 def test_device_time_is_put_on_the_monotonic_clock_by_the_shortest_delay() -> None:
@@ -137,3 +143,41 @@ def test_a_step_of_the_device_time_is_followed_and_never_leads_into_the_future()
         stamp_ns = clock.monotonic_ns(31_000.0 + 5 * number, arrival_ns)
         assert stamp_ns <= arrival_ns
     assert stamp_ns == arrival_ns
+
+
+@pytest.mark.parametrize("step_ms", [-240.0, -60.0, -20.0, -4.0, 20.0, 240.0, -86_400_000.0, 86_400_000.0])
+@pytest.mark.parametrize("uptime_ms", [1_000, 100_000])
+def test_a_step_of_the_wall_clock_moves_no_pose_for_longer_than_a_second(step_ms: float, uptime_ms: int) -> None:
+    """NTP steps; each frame is 0.5 to 3 ms on its way. Poses are off by that alone within a second."""
+    chance, clock, wall_ms = random.Random(1), DeviceClock(), 1.7e12
+    errors_ms = []
+    for number in range(1200):
+        true_ms = uptime_ms + 5 * number
+        wall_ms = 1.7e12 + 5 * number + (step_ms if number >= 600 else 0.0)
+        arrival_ns = round((true_ms + chance.uniform(0.5, 3.0)) * _MS)
+        stamp_ns = clock.monotonic_ns(wall_ms, arrival_ns)
+        assert 0 <= stamp_ns <= arrival_ns
+        errors_ms.append(stamp_ns / _MS - true_ms)
+    assert all(0 <= error < 3.1 for error in errors_ms[:600])
+    assert all(0 <= error < 0.8 for error in errors_ms[800:])
+    if step_ms <= -20:
+        assert clock.steps == 1
+        assert all(0 <= error < 3.1 for error in errors_ms[600:]), "a step back shows at once"
+
+
+def test_frames_that_waited_keep_their_times() -> None:
+    clock = DeviceClock()
+    for number in range(200):
+        clock.monotonic_ns(1000.0 + 5 * number, (5_001 + 5 * number) * _MS)
+    for number in range(200, 264):  # the host stood still for a second, and the queue held these
+        stamp_ns = clock.monotonic_ns(1000.0 + 5 * number, (5_001 + 5 * 400) * _MS)
+        assert stamp_ns == (5_001 + 5 * number) * _MS
+
+
+@pytest.mark.parametrize("device_ms", [float("nan"), float("inf"), -1e300, 1e300])
+def test_a_time_that_is_none_ends_nothing(device_ms: float) -> None:
+    clock = DeviceClock()
+    for number, ms in enumerate((1000.0, device_ms, 1010.0, 1015.0)):
+        stamp_ns = clock.monotonic_ns(ms, (5_000 + 5 * number) * _MS)
+        wire.encode(wire.RawPose(stamp_ns, (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), 3, wire.PoseFrame.T265))
+    assert abs(stamp_ns - 5_015 * _MS) <= 15 * _MS

@@ -282,3 +282,24 @@ def test_limits_that_can_never_be_met_are_refused() -> None:
         dataclasses.replace(_LIMITS, fence_min_m=(11.0, -10.0, -1.0))
     with pytest.raises(ValueError, match="max_lead_m"):
         dataclasses.replace(_LIMITS, max_lead_m=math.nan)
+
+
+@pytest.mark.parametrize(("ground_m", "passes"), [(-0.4, True), (0.0, True), (1.49, True), (1.51, False), (-9.0, True)])
+def test_the_least_height_counts_from_where_the_vehicle_stood(ground_m: float, passes: bool) -> None:
+    level = dataclasses.replace(_GOOD, p_local_enu_m=(1.2, 2.1, 1.99), v_local_enu_m_s=(0.0, 0.0, 0.0))
+    verdict = _GATE.check(level, _at((1.0, 2.0, 1.9)), _NOW_NS, True, ground_m=ground_m)
+    assert (Reason.HEIGHT not in verdict.reasons) is passes
+
+
+def test_a_place_is_inside_up_to_the_very_edge() -> None:
+    limits = _GATE.limits
+    low, high = limits.fence_min_m, limits.fence_max_m
+    assert limits.is_in_box(low) and limits.is_in_box(high)
+    for axis in range(3):
+        for corner, step in ((low, -0.01), (high, 0.01)):
+            out = [*corner]
+            out[axis] += step
+            assert not limits.is_in_box((out[0], out[1], out[2]))
+    assert limits.is_in_cylinder((limits.fence_radius_m, 0.0, 99.0))
+    assert not limits.is_in_cylinder((0.0, limits.fence_radius_m + 0.01, 0.0))
+    assert not limits.is_in_cylinder((float("nan"), 0.0, 0.0))

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from companion.core.messages import FlightMode
 from companion.safety.preflight import (
+    Heights,
     Readiness,
     ReadinessLimits,
     parameter_problems,
@@ -25,7 +27,9 @@ _READY = Readiness(
     estimator_age_s=0.3,
     estimator_healthy=True,
     failsafe=False,
-    flown_in="",
+    position_is_global=True,
+    mode=FlightMode.HOLD,
+    intended_mode=FlightMode.HOLD,
     timesync_age_s=0.1,
     battery=0.8,
     pose_problem="",
@@ -42,7 +46,8 @@ _READY = Readiness(
 
 def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
     assert readiness_problems(_READY, _LIMITS) == []
-    assert readiness_problems(replace(_READY, battery=None), _LIMITS) == [], "an unknown battery is not a low one"
+    told_less = replace(_READY, position_is_global=None, intended_mode=None)
+    assert readiness_problems(told_less, _LIMITS) == [], "as an older log has it"
 
 
 @pytest.mark.parametrize(
@@ -54,8 +59,39 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
         ({"has_position": False}, "the autopilot has no local position"),
         ({"estimator_age_s": 3.1}, "the autopilot's estimator tells nothing of itself"),
         ({"estimator_healthy": False}, "the autopilot's estimator is not healthy"),
-        ({"failsafe": True}, "the autopilot is in a failsafe"),
-        ({"flown_in": "manual"}, "the vehicle is flown in mode manual; put it into hold first"),
+        (
+            {"failsafe": True, "in_air": True, "intended_mode": FlightMode.OFFBOARD},
+            "the autopilot is in a failsafe (asked for offboard, flies hold): choose Hold at the ground station",
+        ),
+        (
+            {"in_air": True, "mode": FlightMode.MANUAL, "intended_mode": FlightMode.MANUAL},
+            "the vehicle is flown in mode manual; put it into hold first",
+        ),
+        (
+            {"in_air": True, "intended_mode": FlightMode.OFFBOARD},
+            "the vehicle holds, but was asked for offboard and may go back to it: choose Hold at the ground station",
+        ),
+        (
+            {"mode": FlightMode.OFFBOARD, "intended_mode": None},
+            "the vehicle stands in mode offboard, in which it does not arm: choose Hold at the ground station",
+        ),
+        (
+            {"mode": FlightMode.HOLD, "intended_mode": FlightMode.LAND},
+            "the vehicle stands in mode land, in which it does not arm: choose Hold at the ground station",
+        ),
+        (
+            {"position_is_global": False},
+            "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it "
+            "is given an origin (autopilot.origin_deg) once it takes our poses",
+        ),
+        (
+            {"outside_fence": "East 0.0, North 0.0, Up -487.0 m"},
+            "the vehicle is outside gate.fence_*: East 0.0, North 0.0, Up -487.0 m",
+        ),
+        ({"not_px4": "ardupilot"}, "the vehicle is no PX4 but ardupilot"),
+        ({"time_known": False}, "clocks: the vehicle's own time is not known yet, in which poses are stamped"),
+        ({"battery": None}, "no battery tells how full it is (BATTERY_STATUS)"),
+        ({"batteries_unknown": (1, 2)}, "battery 1, 2 is silent, or does not know how full it is"),
         ({"timesync_age_s": 3.1}, "clocks: the autopilot takes no part in TIMESYNC"),
         ({"battery": 0.19}, "the battery is low: 19 %, wanted 20"),
         ({"pose_problem": "poses are 1.0 s old"}, "no fresh poses: poses are 1.0 s old"),
@@ -90,12 +126,14 @@ def _values(name: str) -> dict[str, float | str]:
 
 @pytest.mark.parametrize(("name", "gps"), [("gps.params", True), ("gps-denied.params", False)])
 def test_the_parameter_files_pass_the_preflight(name: str, gps: bool) -> None:
-    assert list(parameter_problems(_values(name), gps)) == []
+    told = {"NAV_MC_ALT_RAD": 0.8, "GF_MAX_VER_DIST": 0.0} | _values(name)
+    assert list(parameter_problems(told, gps, Heights(takeoff_m=1.5, ceiling_m=5.0))) == []
 
 
 _PX4_DEFAULTS: dict[str, float | str] = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
-    "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1,
+    "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1, "RTL_RETURN_ALT": 30.0, "GF_MAX_VER_DIST": 0.0,
+    "NAV_MC_ALT_RAD": 0.8,
 }  # fmt: skip
 
 
@@ -123,6 +161,29 @@ def test_px4s_own_defaults_do_not_pass_and_each_line_says_value_wanted_and_why()
 def test_which_values_pass(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
     (requirement,) = (r for r in required_parameters(gps=True) if r.name == name)
     assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
+
+
+_GOOD: dict[str, float | str] = _PX4_DEFAULTS | {"COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "RTL_RETURN_ALT": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "heights", "named"),
+    [
+        ({}, Heights(1.5, 5.0), []),
+        ({"RTL_RETURN_ALT": 30.0}, Heights(1.5, 5.0), ["RTL_RETURN_ALT"]),
+        ({"RTL_RETURN_ALT": 4.8}, Heights(1.5, 5.0), ["RTL_RETURN_ALT"]),
+        ({"RTL_RETURN_ALT": 4.0, "GF_MAX_VER_DIST": 4.0}, Heights(1.5, 9.0), ["RTL_RETURN_ALT"]),
+        ({"RTL_RETURN_ALT": 1.0, "GF_MAX_VER_DIST": 1.6}, Heights(1.5, 9.0), ["GF_MAX_VER_DIST"]),
+        ({"NAV_MC_ALT_RAD": 0.8}, Heights(1.0, 5.0), ["NAV_MC_ALT_RAD"]),
+        ({"NAV_MC_ALT_RAD": 0.5}, Heights(1.0, 5.0), []),
+        ({"GF_MAX_VER_DIST": "no answer"}, Heights(1.5, 5.0), ["no answer; wanted 0, or above RTL_RETURN_ALT"]),
+    ],
+)
+def test_heights_of_parameters_leave_room_for_each_other(
+    change: dict[str, float | str], heights: Heights, named: list[str]
+) -> None:
+    problems = list(parameter_problems(_GOOD | change, True, heights))
+    assert len(problems) == len(named) and all(name in line for name, line in zip(named, problems, strict=True))
 
 
 def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:

@@ -13,7 +13,7 @@ from companion.analysis.bearings import analyze_run
 from companion.analysis.result import Options
 from companion.analysis.runs import find_runs
 from companion.analysis.trajectories import PoseKind
-from companion.sensing.lookalikes import ALIKE, likeness, outstanding
+from companion.sensing.lookalikes import ALIKE, Lookalikes, likeness, outstanding
 from tests.csi_records import needs_data
 from tests.paths import DATA
 from wsr.aperture import Aperture, make_aperture
@@ -52,3 +52,26 @@ def test_halves_of_the_packets_are_one_transmitter_and_others_are_others(monkeyp
 def fingerprint(profile: Profile | None) -> Any:
     assert profile is not None
     return outstanding(np.asarray(profile.power, np.float32).ravel())
+
+
+def test_one_transmitter_behind_two_names_is_reported_after_several_apertures() -> None:
+    rng = np.random.default_rng(1)
+
+    def profile(seed: int, noise: float = 0.02) -> bytes:
+        peak = np.zeros((180, 360))
+        row, column = 40 + 17 * seed, 30 + 61 * seed
+        peak[row - 8 : row + 8, column - 8 : column + 8] = 1.0
+        return (peak + noise * rng.random((180, 360))).astype(np.float16).tobytes()
+
+    looks = Lookalikes({2: "a", 3: "b", 4: "c"})
+    for number in range(3):
+        assert looks.pairs() == ()
+        looks.add(2, number, profile(1))
+        doubt = looks.add(3, number, profile(1))
+        looks.add(4, number, profile(3))
+    assert looks.pairs() == (("a", "b"),)
+    assert "that of a" in doubt
+    looks.add(2, 9, profile(1))
+    assert looks.add(3, 9, profile(2)) == ""
+    assert looks.pairs() == ()
+    assert looks.add(4, 10, b"") == ""

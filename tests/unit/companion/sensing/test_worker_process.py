@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from companion.sensing.worker_process import AoaProcess
-from companion.sensing.worker_wire import AoaResult, profile_power
+from companion.sensing.worker_wire import AoaResult
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import wavelength_m
 from wsr.crb.informativeness import informativeness
@@ -36,7 +36,8 @@ def aperture(azimuth_rad: float = 0.7, polar_rad: float = 1.4) -> Aperture:
 class Client:
     def __init__(self, timeout_s: float) -> None:
         self.results: asyncio.Queue[AoaResult] = asyncio.Queue()
-        self.process = AoaProcess("bartlett", timeout_s, self.results.put_nowait)
+        self.process = AoaProcess("bartlett", timeout_s)
+        self.process.answers.connect(self.results.put_nowait)
 
     async def ask(self) -> AoaResult:
         self.process.submit(2, aperture())
@@ -85,7 +86,7 @@ async def test_an_aperture_gives_the_same_estimate_as_in_process() -> None:
     told = informativeness(aperture(), estimate.azimuth_rad, estimate.polar_rad)
     assert result.informativeness is not None
     assert asdict(result.informativeness) == pytest.approx(asdict(told), rel=1e-3, abs=1e-6)
-    np.testing.assert_allclose(profile_power(result), profile.power, atol=1e-3)
+    np.testing.assert_allclose(np.frombuffer(result.profile, np.float16).reshape(180, 360), profile.power, atol=1e-3)
     assert workers() == []
 
 
@@ -114,7 +115,8 @@ async def test_a_hanging_worker_is_replaced_in_time() -> None:
 async def test_an_idle_worker_that_hangs_or_dies_is_noticed_and_replaced(number: signal.Signals) -> None:
     """Though nobody has asked it anything."""
     told: list[bool] = []
-    process = AoaProcess("bartlett", 0.7, lambda result: None, on_ready=told.append)
+    process = AoaProcess("bartlett", 0.7)
+    process.readiness.connect(told.append)
     task = asyncio.create_task(process.run())
     async with asyncio.timeout(120):
         await process.ready.wait()
@@ -133,7 +135,8 @@ async def test_an_idle_worker_that_hangs_or_dies_is_noticed_and_replaced(number:
 
 async def test_a_backlog_drops_the_oldest_request() -> None:
     results: list[AoaResult] = []
-    process = AoaProcess("bartlett", 1, results.append, waiting=2)
+    process = AoaProcess("bartlett", 1, waiting=2)
+    process.answers.connect(results.append)
     ids = [process.submit(2, aperture()) for _ in range(3)]
     assert results == []  # an answer is an event of its own
     await asyncio.sleep(0)

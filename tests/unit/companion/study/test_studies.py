@@ -35,7 +35,17 @@ def _rows(one: Study[Any, Any], specs: Sequence[Any], first: int = 0) -> list[An
 
 def _outcome(one: Study[Any, Any], rows: list[Any]) -> Outcome:
     summary = one.summarise(rows)
-    return Outcome(one.name, one.title, one.figures, SEED, len(rows), 0.0, summary.findings, summary.notes, rows)
+    return Outcome(
+        study=one.name,
+        title=one.title,
+        figures=one.figures,
+        seed=SEED,
+        trials=len(rows),
+        elapsed_s=0.0,
+        findings=summary.findings,
+        notes=summary.notes,
+        rows=rows,
+    )
 
 
 def _check_leftovers(one: Study[Any, Any], rows: list[Any], folder: Path) -> Outcome:

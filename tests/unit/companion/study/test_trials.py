@@ -21,7 +21,7 @@ from numpy.random import SeedSequence
 from companion.errors import ConfigError
 from companion.study.cluster import DaskRunner
 from companion.study.local import ProcessRunner
-from companion.study.trials import Runner, RunnerError, TrialError, batches, trial_seed
+from companion.study.trials import RunnerError, TrialError, TrialRunner, batches, trial_seed
 
 _START_S = 60.0
 SEED = 7
@@ -115,7 +115,7 @@ RUNNERS = ["2 processes", "dask"]
 
 
 @pytest.fixture(params=RUNNERS)
-def runner(request: pytest.FixtureRequest) -> Runner:
+def runner(request: pytest.FixtureRequest) -> TrialRunner:
     if request.param == "dask":
         found = request.getfixturevalue("cluster")
         assert isinstance(found, DaskRunner)
@@ -123,7 +123,7 @@ def runner(request: pytest.FixtureRequest) -> Runner:
     return ProcessRunner(int(request.param.split()[0]))
 
 
-def test_same_seed_same_numbers_in_order_whatever_runs_them(runner: Runner) -> None:
+def test_same_seed_same_numbers_in_order_whatever_runs_them(runner: TrialRunner) -> None:
     done: list[int] = []
     rows = runner.run(trial, CASES, SEED, done.append)
     assert rows == wanted()  # to the last bit
@@ -132,11 +132,11 @@ def test_same_seed_same_numbers_in_order_whatever_runs_them(runner: Runner) -> N
     assert rows != runner.run(trial, CASES, SEED + 1, done.append)
 
 
-def test_no_trials_are_no_rows(runner: Runner) -> None:
+def test_no_trials_are_no_rows(runner: TrialRunner) -> None:
     assert runner.run(trial, [], SEED, lambda done: None) == []
 
 
-def test_a_failing_trial_is_named(runner: Runner) -> None:
+def test_a_failing_trial_is_named(runner: TrialRunner) -> None:
     with pytest.raises(TrialError, match=r"trial 3 \(seed 7\): ValueError: thirteen"):
         runner.run(failing, [Case(10 + i) for i in range(20)], SEED, lambda done: None)
 

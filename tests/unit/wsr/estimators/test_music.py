@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from tests.unit.wsr.scene import DIRECTIONS, WAVELENGTH_M, Array, Complex, circle, far, round_trip, weave
+from tests.unit.wsr.estimators.two_sources import APART, exchanged
+from tests.unit.wsr.scene import DIRECTIONS, WAVELENGTH_M, Array, circle, far, round_trip, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
 from wsr.errors import ApertureError
 from wsr.estimators.far_field import FarField
 from wsr.estimators.music import Music
@@ -22,48 +20,9 @@ from wsr.estimators.stretches import Stretch, cut
 from wsr.geometry import direction, great_circle
 from wsr.path_bins import Bins
 
-_SUBCARRIER_HZ = SUBCARRIERS_20MHZ * SUBCARRIER_SPACING_HZ
-_DELAY_M = 0.030e-6 * SPEED_OF_LIGHT_M_S
-# 25 degrees apart on the sphere: in azimuth 25 on the horizon.
-_APART = (direction(0.5, math.pi / 2), direction(0.5 + math.radians(25), math.pi / 2))
-
-
-def _exchange(
-    p: Array,
-    sources: tuple[Array, ...],
-    seed: int = 0,
-    snr_db: float = 20.0,
-    offset_hz: float = 30_000.0,
-    others: float = 1.0,
-) -> Aperture:
-    """Sources at positions (1, 3), those after the first with the amplitude `others` and each a path 30 ns longer, as
-    both cards would record them."""
-    rng = np.random.default_rng(seed)
-    packets = len(p)
-    field = np.zeros((packets, SUBCARRIERS_20MHZ.size), np.complex128)
-    carrier_hz = SPEED_OF_LIGHT_M_S / WAVELENGTH_M + _SUBCARRIER_HZ
-    for number, source in enumerate(sources):
-        longer = np.linalg.norm(p - source, axis=1)[:, None] + number * _DELAY_M
-        phase = 2 * np.pi * carrier_hz / SPEED_OF_LIGHT_M_S * longer
-        field += (others if number else 1.0) * np.exp(-1j * (phase + rng.uniform(0, 2 * np.pi)))
-    t_s = np.linspace(0.0, 3.0, packets)
-    answer_s = t_s + 300e-6 + 5e-6 * rng.normal(size=packets)
-    forward = _received(rng, field * np.exp(2j * np.pi * offset_hz * answer_s)[:, None], snr_db)
-    reverse = _received(rng, field * np.exp(-2j * np.pi * offset_hz * t_s)[:, None], snr_db)
-    skew = offset_hz * WAVELENGTH_M / SPEED_OF_LIGHT_M_S
-    nic_us = np.floor(1e6 * np.stack([answer_s * (1 - skew), t_s], axis=1))
-    product = centre_channel(forward) * centre_channel(reverse)
-    return make_aperture(t_s, p, product, WAVELENGTH_M, forward=forward, reverse=reverse, nic_us=nic_us)
-
-
-def _received(rng: np.random.Generator, field: Complex, snr_db: float) -> NDArray[np.complex64]:
-    delay_s = 200e-9 + 25e-9 * rng.normal(size=(len(field), 1))
-    noise = (rng.normal(size=field.shape) + 1j * rng.normal(size=field.shape)) * 10 ** (-snr_db / 20) / math.sqrt(2)
-    return np.asarray(30 * (field * np.exp(-2j * np.pi * _SUBCARRIER_HZ * delay_s) + noise)).astype(np.complex64)
-
 
 def _two(p: Array, seed: int) -> Aperture:
-    return _exchange(p, (far(p, _APART[0]), far(p, _APART[1])), seed)
+    return exchanged(p, (far(p, APART[0]), far(p, APART[1])), seed)
 
 
 def _vector(estimate: AoaEstimate) -> Array:
@@ -85,7 +44,7 @@ def _azimuth_errors_deg(estimate: AoaEstimate) -> list[float]:
 def test_one_source_within_a_degree(neighbour: tuple[int, int, int]) -> None:
     u = np.array(neighbour) / np.linalg.norm(neighbour)
     _, p = weave()
-    estimate, profile = Music().estimate(_exchange(p, (far(p, u),)))
+    estimate, profile = Music().estimate(exchanged(p, (far(p, u),)))
     assert _error_deg(estimate, u) < 1.0
     assert len(estimate.paths) == 1
     assert estimate.coherence > 0.95
@@ -97,7 +56,7 @@ def test_conjugated_channels_point_to_the_antipode() -> None:
     """The test above can fail: the other sign of the phase is the opposite direction."""
     _, p = weave()
     u = np.array([0.6, 0.64, 0.48])
-    aperture = _exchange(p, (far(p, u),), offset_hz=0.0)
+    aperture = exchanged(p, (far(p, u),), offset_hz=0.0)
     assert aperture.forward is not None
     assert aperture.reverse is not None
     mistaken = replace(
@@ -133,28 +92,16 @@ def test_two_sources_over_a_path_in_space() -> None:
         aperture = _two(p, seed)
         estimate, _ = Music().estimate(aperture)
         paths = [direction(path.azimuth_rad, path.polar_rad) for path in estimate.paths]
-        assert all(min(math.degrees(great_circle(u, path)) for path in paths) < 1.0 for u in _APART)
+        assert all(min(math.degrees(great_circle(u, path)) for path in paths) < 1.0 for u in APART)
         bartlett, _ = FarField().estimate(aperture)
-        assert min(_error_deg(bartlett, u) for u in _APART) > 5.0
-
-
-@pytest.mark.parametrize("sources", [1, 2])
-def test_mdl_counts_the_sources(sources: int) -> None:
-    """Up to four could be told; the packets' own delays, left in, would count as more."""
-    counts: Counter[int] = Counter()
-    _, p = weave(400)
-    for seed in range(10):
-        places = tuple(far(p, u) for u in _APART[:sources])
-        estimate, _ = Music(max_sources=4).estimate(_exchange(p, places, seed))
-        counts[len(estimate.paths)] += 1
-    assert counts[sources] >= 9
+        assert min(_error_deg(bartlett, u) for u in APART) > 5.0
 
 
 def test_level_circle_reports_the_upper_image_and_lists_the_lower() -> None:
     _, p = circle()
     for polar_deg in (60.0, 120.0):
         u = direction(math.radians(-110), math.radians(polar_deg))
-        estimate, _ = Music().estimate(_exchange(p, (far(p, u),)))
+        estimate, _ = Music().estimate(exchanged(p, (far(p, u),)))
         assert math.degrees(estimate.azimuth_rad) == pytest.approx(-110, abs=1)
         assert math.degrees(estimate.polar_rad) == pytest.approx(60, abs=2)
         assert math.degrees(estimate.alternatives[0].polar_rad) == pytest.approx(120, abs=2)
@@ -171,7 +118,7 @@ def test_errors_are_as_large_as_the_estimate_says() -> None:
     for seed in range(16):
         wander = np.cumsum(np.random.default_rng(seed).normal(size=p.shape), axis=0)
         wander *= 0.03 / np.sqrt(((wander - wander.mean(axis=0)) ** 2).sum(axis=1).mean())
-        aperture = _exchange(p, (far(p, u),), seed)
+        aperture = exchanged(p, (far(p, u),), seed)
         estimate, _ = Music().estimate(replace(aperture, chi_m=aperture.chi_m + wander - wander.mean(axis=0)))
         error = math.remainder(estimate.azimuth_rad - math.atan2(u[1], u[0]), math.tau)
         ratios.append(error / estimate.azimuth_std_rad)
@@ -194,7 +141,7 @@ def test_noise_alone_is_not_reliable() -> None:
 def test_packets_without_a_signal_are_dropped() -> None:
     _, p = weave()
     u = np.array([0.6, 0.64, 0.48])
-    aperture = _exchange(p, (far(p, u),))
+    aperture = exchanged(p, (far(p, u),))
     silent = np.random.default_rng(5).random(600) < 0.5
     assert aperture.forward is not None
     assert aperture.reverse is not None
@@ -218,7 +165,7 @@ def test_what_comes_from_everywhere_is_no_path() -> None:
     rng = np.random.default_rng(8)
     u = np.array([0.6, 0.64, 0.48])
     around = [direction(*angles) for angles in zip(rng.uniform(-3, 3, 10), rng.uniform(0.5, 2.5, 10), strict=True)]
-    aperture = _exchange(p, (far(p, u), *(far(p, v) for v in around)), others=0.2)
+    aperture = exchanged(p, (far(p, u), *(far(p, v) for v in around)), others=0.2)
     counted: list[int] = []
 
     def counting(stretches: list[Stretch], largest: int) -> int:
@@ -247,7 +194,7 @@ def test_packets_too_far_apart_for_a_chain_of_signs() -> None:
     """A third of a wavelength between packets leaves the sign of the one-way channel open, but not the product."""
     _, p = weave(100)
     u = np.array([0.6, 0.64, 0.48])
-    estimate, _ = Music().estimate(_exchange(p, (far(p, u),)))
+    estimate, _ = Music().estimate(exchanged(p, (far(p, u),)))
     assert _error_deg(estimate, u) < 1.0
 
 
@@ -255,7 +202,7 @@ def test_a_wait_does_not_move_the_reference_point() -> None:
     _, p = weave()
     u = np.array([0.6, 0.64, 0.48])
     waiting = np.vstack([np.repeat(p[:1], 600, axis=0), p])
-    estimate, _ = Music().estimate(_exchange(waiting, (far(p, u),)))
+    estimate, _ = Music().estimate(exchanged(waiting, (far(p, u),)))
     away = np.linalg.norm(waiting.mean(axis=0) - p.mean(axis=0))
     assert away > 0.1
     assert np.linalg.norm(estimate.reference_p_m - p.mean(axis=0)) < 0.2 * away

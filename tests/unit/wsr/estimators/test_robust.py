@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tests.unit.wsr.scene import WAVELENGTH_M, Array, circle, exchange, round_trip, weave
-from wsr.aoa import AoaEstimate, estimate_aoa
+from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
 from wsr.errors import ApertureError
-from wsr.estimators import ESTIMATORS
+from wsr.estimators import ESTIMATORS, estimate_aoa
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle, wrap_angle

@@ -1,0 +1,143 @@
+"""What the types of a configuration cannot say: keys that must fit each other. One function for each part of the file.
+
+Each yields what is wrong in one line that names the key and what would be right.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from companion.config.places import lever_errors, path_errors
+from companion.config.schema import Config
+
+_PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
+_URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
+_MIN_VIO_HZ: Final = 20.0
+_POSES_PER_DATAGRAM: Final = 25
+_MAX_LOST_S: Final = 4.0
+"""PX4 takes its position for valid 4.6 s after the newest pose; the landing must have begun by then."""
+
+
+def config_errors(config: Config) -> list[str]:
+    """Every error of a configuration whose values have the right types, each with its key."""
+    return [error for rule in _RULES for error in rule(config)]
+
+
+def _role(config: Config) -> Iterator[str]:
+    if config.role == "uav" and config.autopilot is None:
+        yield "autopilot: missing; role uav needs autopilot.url, for example udpin://127.0.0.1:14540"
+
+
+def _pose(config: Config) -> Iterator[str]:
+    if config.pose.source == "recording" and not config.pose.recording:
+        yield "pose.recording: missing; source recording needs the path of a trajectory"
+    for key, value, of_autopilot in (
+        ("source", config.pose.source, "px4"),
+        ("north", config.pose.north, "autopilot"),
+    ):
+        if config.autopilot is None and value == of_autopilot:
+            yield f"pose.{key}: {value} needs an autopilot; expected another value"
+    if config.pose.source == "px4" and config.autopilot is not None and config.autopilot.forward_vio_hz:
+        yield "autopilot.forward_vio_hz: the autopilot's own odometry must not be fed back to it; expected 0"
+
+
+def _peers(config: Config) -> Iterator[str]:
+    if not config.peers:
+        yield "peers: empty; expected at least one robot to hear"
+    for key in ("id", "name", "mac"):
+        values = [str(getattr(peer, key)).upper() for peer in config.peers]
+        for value in sorted(set(values)):
+            if values.count(value) > 1:
+                yield f"peers: {key} {value} stands twice; each peer has its own"
+
+
+def _keys(config: Config) -> Iterator[str]:
+    of_peers = (key for peer in config.peers for key in (peer.key_file, peer.next_key_file) if key)
+    keys = [config.neighbours.key_file, *of_peers]
+    for key in sorted(set(keys)):
+        if keys.count(key) > 1:
+            yield f"key_file: {key} stands twice; each robot that sends has its own, or one could pass for another"
+
+
+def _rates(config: Config) -> Iterator[str]:
+    neighbours = config.neighbours
+    least_hz = neighbours.pose_rate_hz / _POSES_PER_DATAGRAM
+    if neighbours.rate_hz < least_hz:
+        yield (
+            f"neighbours.rate_hz: {neighbours.rate_hz:g}; expected at least {least_hz:g}, since a datagram "
+            f"carries {_POSES_PER_DATAGRAM} poses of the {neighbours.pose_rate_hz:g} a second"
+        )
+    if config.ping.enabled and config.csi.interface is None:
+        yield "ping.enabled: needs csi.interface, the card's monitor interface"
+
+
+def _ids(config: Config) -> Iterator[str]:
+    target = config.mission.target
+    if target is not None and target not in {peer.id for peer in config.peers}:
+        yield f"mission.target: {target} is the id of no peer"
+    for peer in config.peers:
+        if peer.id == config.id:
+            yield f"peers: id {peer.id} is this robot's own id"
+
+
+def _fence_and_weave(config: Config) -> Iterator[str]:
+    gate, mission = config.gate, config.mission
+    for axis, low, high in zip("xyz", gate.fence_min_m, gate.fence_max_m, strict=True):
+        if not low < high:
+            yield f"gate.fence_min_m: {axis} is not below fence_max_m"
+    if mission.takeoff_height_m - mission.vertical_weave_m < gate.min_height_m:
+        yield "mission.takeoff_height_m: the vertical weave would reach below gate.min_height_m"
+    turn_m = math.tau * math.hypot(mission.lateral_weave_m, mission.vertical_weave_m) / math.sqrt(2)
+    if turn_m >= config.aperture.length_m:
+        yield f"mission.lateral_weave_m: one turn takes {turn_m:.2f} m of path, more than aperture.length_m"
+    if mission.takeoff_height_m + mission.vertical_weave_m > gate.fence_max_m[2]:
+        yield "mission.takeoff_height_m: the vertical weave would reach above gate.fence_max_m"
+
+
+def _url(config: Config) -> Iterator[str]:
+    if config.autopilot is not None and not _URL.match(config.autopilot.url):
+        yield (
+            f"autopilot.url: {config.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
+            "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"
+        )
+
+
+def _recorder(config: Config) -> Iterator[str]:
+    if config.recorder.rotate_mb >= config.recorder.budget_mb:
+        yield "recorder.rotate_mb: one file alone would exceed recorder.budget_mb"
+
+
+def _autopilot(config: Config) -> Iterator[str]:
+    autopilot = config.autopilot
+    if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < _MIN_VIO_HZ:
+        yield (
+            f"autopilot.forward_vio_hz: {autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "
+            "autopilot.gps: false, or the estimator has no position"
+        )
+    if config.flies_by_poses and config.pose_lost_s > _MAX_LOST_S:
+        yield (
+            f"pose.lost_s: {config.pose_lost_s:g}; expected {_MAX_LOST_S:g} or less with autopilot.gps: false, since "
+            "PX4 lands blind 4.6 s after the last pose"
+        )
+    if config.mission.speed_m_s > config.gate.max_speed_m_s:
+        yield "mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point"
+
+
+_RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
+    path_errors,
+    lever_errors,
+    _role,
+    _pose,
+    _peers,
+    _keys,
+    _rates,
+    _ids,
+    _fence_and_weave,
+    _url,
+    _recorder,
+    _autopilot,
+)
+"""In the order in which errors are told."""

@@ -1,0 +1,143 @@
+"""What is known of the target: its packets and datagrams, its bearings, and the legs that gave none."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from companion.config.schema import ApertureConfig
+from companion.core.clock import age_s
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Event
+from companion.core.messages import VehicleState
+from companion.core.recorder import Recorder
+from companion.core.streams import TARGET
+from companion.flight.course import Course
+from companion.flight.records import target_report
+from companion.guidance.targets import Targets
+from companion.neighbours.neighbour import Neighbour
+from companion.radio.card import ChannelSample
+from companion.sensing.iterations import SarIterations
+from companion.sensing.records import Iteration
+
+_log = logging.getLogger(__name__)
+_BEARING_LATE_S: Final = 1.5
+_SEARCH_TURN_RAD: Final = math.radians(120.0)
+
+
+class Knowledge:
+    """Takes packets and iterations of all neighbours; a bearing that may steer is reported to the course."""
+
+    def __init__(
+        self,
+        config: ApertureConfig,
+        clock: EventClock,
+        recorder: Recorder,
+        neighbours: Mapping[int, Neighbour],
+        target: int,
+        sar: SarIterations,
+        course: Course,
+    ) -> None:
+        self._config = config
+        self._clock = clock
+        self._recorder = recorder
+        self._sar = sar
+        self._course = course
+        self.neighbour: Final = neighbours[target]
+        """The target as a sender of datagrams."""
+        self.targets: Final = Targets(neighbours, target)
+        self._packet_ns: int | None = None
+        self._packets = 0
+        self._blind_legs = 0
+        self._tries = 0
+        self._iteration: Iteration | None = None
+
+    def azimuth_rad(self, vehicle: VehicleState) -> float:
+        """Where the next leg goes: to the target, or into a new direction each time while nothing is known of it."""
+        if self.targets.target is not None:
+            return self.targets.target.azimuth_rad
+        return (vehicle.yaw_enu_rad or 0.0) + _SEARCH_TURN_RAD * self._blind_legs
+
+    def heard(self, sample: ChannelSample) -> None:
+        """A packet was measured."""
+        if sample.peer == self.neighbour.id:
+            self._packet_ns = sample.t_mono_ns
+            self._packets += 1
+
+    def add_iteration(self, iteration: Iteration) -> None:
+        """A SAR iteration has ended."""
+        bearing, estimate = iteration.bearing(), iteration.estimate
+        steers = False
+        if bearing is not None and estimate is not None and estimate.reliability >= self._config.min_reliability:
+            steers = True
+            report = target_report(iteration, bearing, self.targets.add(iteration.peer, bearing))
+            self._recorder.record(TARGET, bearing.t_mono_ns, report)
+        if iteration.peer == self.neighbour.id:
+            self._note(iteration, steers)
+
+    @property
+    def packets(self) -> int:
+        """Heard since the newest iteration."""
+        return self._packets
+
+    @property
+    def iteration(self) -> Iteration | None:
+        """The newest of the target that gave an estimate, whether it may steer or not."""
+        return self._iteration
+
+    @property
+    def blind_legs(self) -> int:
+        """Legs flown since the newest bearing that may steer."""
+        return self._blind_legs
+
+    @property
+    def tries(self) -> int:
+        """Times the vehicle has held since then."""
+        return self._tries
+
+    def packet_age_s(self) -> float:
+        return age_s(self._packet_ns, self._clock.now_ns())
+
+    def datagram_age_s(self) -> float:
+        return age_s(self.neighbour.heard_ns, self._clock.now_ns())
+
+    def age_s(self) -> float:
+        """Since the target was last heard, by its packets and by its datagrams, whichever is older."""
+        return max(self.packet_age_s(), self.datagram_age_s())
+
+    def is_stale(self) -> bool:
+        """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs or
+        is gone."""
+        if self._iteration is None:
+            return True
+        late = self._sar.waiting_s() > _BEARING_LATE_S or not self._sar.is_ready
+        return self.age_s() > self._config.silent_s or late or self._blind_legs >= self._config.blind_legs
+
+    def begin_anew(self) -> None:
+        """A mission begins: places of the one before count no more."""
+        self.targets.forget()
+        self._blind_legs = self._tries = 0
+
+    def note_blind_leg(self) -> None:
+        """A leg was given up."""
+        self._blind_legs += 1
+
+    def note_hold(self) -> None:
+        self._tries += 1
+
+    def grant_leg(self) -> None:
+        """One more leg may be flown to measure anew."""
+        self._blind_legs = self._config.blind_legs - 1
+
+    def _note(self, iteration: Iteration, steers: bool) -> None:
+        self._packets = 0
+        self._blind_legs += 1
+        if iteration.estimate is None:
+            _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
+            return
+        self._iteration = iteration
+        if steers:
+            self._blind_legs = self._tries = 0
+            self._course.report(Event.BEARING)

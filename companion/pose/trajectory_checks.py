@@ -1,0 +1,115 @@
+"""What no trajectory of a robot in metres and seconds can look like: units, stamps and quaternions, by line."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.pose.trajectory_columns import TrajectoryError
+
+Array = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.int64]
+
+MAX_POSITION_M: Final = 1e5
+"""No building is that large: a number beyond is no place."""
+_MAX_EXTENT_M: Final = 5e3
+"""WiFi is not heard so far."""
+_MAX_SPEED_M_S: Final = 30.0
+_MAX_FAST: Final = 0.1
+"""Share of the path: a tracker that lost itself may jump now and then, another unit is fast everywhere."""
+_SPEED_OVER_S: Final = 0.5
+_MAX_STAMP_S: Final = 1e10
+_UNITS: Final = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"), (0.0, "another unit"))
+_MAX_INTERVAL_S: Final = 1.0
+_MANY: Final = 10
+_MAX_STEPPED_BACK: Final = 0.1
+_MAX_NORM_ERROR: Final = 0.1
+
+
+def check_stamps(path: str, lines: Lines, t_s: Array) -> None:
+    """Raises TrajectoryError for stamps (N,) that are not seconds."""
+    wrong = np.flatnonzero(np.abs(t_s) > _MAX_STAMP_S)
+    if len(wrong):
+        value = float(t_s[wrong[0]])
+        unit = next(unit for least, unit in _UNITS if abs(value) >= least)
+        raise TrajectoryError(
+            f"{path}: line {lines[wrong[0]]} is stamped {value:.10g}; expected seconds. If these are {unit}, a heading "
+            "such as `timestamp [ns]` says so"
+        )
+    steps_s = np.diff(t_s)
+    if len(t_s) >= _MANY and np.median(steps_s) >= _MAX_INTERVAL_S:
+        at = int(np.argmax(steps_s >= _MAX_INTERVAL_S)) + 1
+        raise TrajectoryError(
+            f"{path}: line {lines[at]} is stamped {steps_s[at - 1]:.6g} s after the one before, and so is most of it; "
+            "expected seconds, poses less than 1 s apart. Are these milliseconds? A heading `time_ms` says so"
+        )
+
+
+def check_places(path: str, lines: Lines, p_m: Array) -> None:
+    """Raises TrajectoryError for positions (N, 3) that are no places of a robot near its origin."""
+    far = np.flatnonzero((np.abs(p_m) > MAX_POSITION_M).any(axis=1))
+    if len(far):
+        away = float(np.abs(p_m[far[0]]).max())
+        raise TrajectoryError(
+            f"{path}: line {lines[far[0]]} is {away:.3g} m away; expected below 1e5 m, metres from an origin nearby "
+            "(no map coordinates such as UTM)"
+        )
+    extent_m = np.abs(p_m - p_m[0]).max(axis=1)
+    at = int(np.argmax(extent_m))
+    if extent_m[at] > _MAX_EXTENT_M:
+        raise TrajectoryError(
+            f"{path}: line {lines[at]} is {extent_m[at]:.4g} m from the first pose; expected below 5000, in metres. If "
+            "these are millimetres, a heading such as `x [mm]` says so"
+        )
+
+
+def check_speed(path: str, lines: Lines, t_s: Array, p_m: Array) -> None:
+    """Raises TrajectoryError where the robot would be faster than any that carries this."""
+    steps_s = np.diff(t_s)
+    if not len(steps_s):
+        return
+    apart = min(len(steps_s), max(1, int(np.ceil(_SPEED_OVER_S / max(float(np.median(steps_s)), 1e-6)))))
+    over_s = t_s[apart:] - t_s[:-apart]
+    speed_m_s = np.linalg.norm(p_m[apart:] - p_m[:-apart], axis=1) / np.maximum(over_s, 1e-9)
+    fast = np.flatnonzero((speed_m_s > _MAX_SPEED_M_S) & (over_s > 0))
+    if len(fast) > _MAX_FAST * len(speed_m_s):
+        at = int(fast[0])
+        raise TrajectoryError(
+            f"{path}: line {lines[at + apart]} is {speed_m_s[at]:.4g} m/s after line {lines[at]}; expected below "
+            f"{_MAX_SPEED_M_S:g}, positions in metres and stamps in seconds. If these are millimetres, a heading such "
+            "as `x [mm]` says so"
+        )
+
+
+def check_quaternions(path: str, lines: Lines, q: Array) -> Array:
+    """(N, 4) made unit. Raises TrajectoryError where a norm is off 1 by more than 0.1: those are no quaternions."""
+    norm = np.linalg.norm(q, axis=1)
+    wrong = np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR)
+    if len(wrong):
+        raise TrajectoryError(
+            f"{path}: line {lines[wrong[0]]} has a quaternion of norm {norm[wrong[0]]:.3g}; expected 1 within 0.1 "
+            "(qx, qy, qz, qw in this order, unless headings say otherwise)"
+        )
+    return np.asarray(q / norm[:, None])
+
+
+def in_order(path: str, lines: Lines, t_s: Array, notes: list[str]) -> npt.NDArray[np.bool_]:
+    """Which rows (N,) are stamped no earlier than any before. A few others are left out and said: there the logger's
+    clock stepped back, and sorted by time they would stand between poses that they do not belong to. Raises
+    TrajectoryError for many."""
+    late = np.zeros(t_s.size, np.bool_)
+    late[1:] = t_s[1:] < np.maximum.accumulate(t_s)[:-1]
+    if not np.any(late):
+        return ~late
+    first, count = int(np.argmax(late)), int(late.sum())
+    if late.mean() > _MAX_STEPPED_BACK:
+        raise TrajectoryError(
+            f"{path}: line {lines[first]} is stamped before one above, and so are {count} of {late.size}; expected "
+            "poses in order of time, by a clock that is not set meanwhile"
+        )
+    notes.append(
+        f"{path}: {count} poses left out from line {lines[first]} on, whose clock stepped back over earlier ones"
+    )
+    return ~late

@@ -1,0 +1,43 @@
+"""Role beacon on a robot: its tasks, and what it answers on the control socket."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Any
+
+from companion.config.schema import Config
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.host.control_socket import ControlServer
+from companion.host.ending import Ending, Parts
+from companion.host.notify import feed_watchdog, notify
+from companion.roles.beacon import Beacon
+from companion.roles.inputs import LiveInputs
+from companion.roles.node import Node
+
+
+async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
+    """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
+    node = Node(config, clock, recorder, LiveInputs(config))
+    node.samples.connect(Beacon(node.sender).add_sample)
+    control = ControlServer(config.path(config.control_socket), lambda command: _answer(node, command))
+    try:
+        node.open()
+        await control.open()
+        async with Parts(ending.begin) as tasks:
+            tasks.create_task(node.run(ending.begin), name="node")
+            tasks.create_task(control.run(), name="control")
+            tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+            await asyncio.sleep(0)  # each of them has begun
+            ending.started()
+            notify("READY=1")
+    finally:
+        control.close()
+        node.close()
+
+
+async def _answer(node: Node, command: str) -> dict[str, Any]:
+    if command != "status":
+        return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
+    return {"ok": True, "state": "beacon", "health": asdict(node.health())}

@@ -1,0 +1,85 @@
+"""Role uav on a vehicle: its devices, its tasks, and what it answers on the control socket."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import asdict
+from typing import Any
+
+from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.config.schema import Config
+from companion.core.clock import MonotonicClock
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.host.control_socket import ControlServer
+from companion.host.ending import Ending, Parts
+from companion.host.notify import feed_watchdog, notify
+from companion.host.priority import keep_priority, raise_priority
+from companion.roles.inputs import LiveInputs
+from companion.roles.node import Node
+from companion.roles.uav import Uav
+from companion.sensing.worker_process import AoaProcess
+
+_log = logging.getLogger(__name__)
+
+
+async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
+    """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
+    assert config.autopilot is not None
+    url, system_id = config.autopilot.url, config.autopilot.system_id
+    worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
+    uav = Uav(
+        config=config,
+        clock=clock,
+        recorder=recorder,
+        inputs=LiveInputs(config),
+        # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
+        make_autopilot=lambda odometry: MavsdkAutopilot(url, MonotonicClock(), odometry, system_id),
+        worker=worker,
+    )
+    worker.answers.connect(uav.sar.take_answer)
+    worker.readiness.connect(uav.sar.note_worker)
+    control = ControlServer(config.path(config.control_socket), lambda command: _answer(uav, command))
+    try:
+        uav.node.open()
+        await control.open()
+        without = raise_priority()
+        async with Parts(ending.begin) as tasks:
+            tasks.create_task(uav.node.run(ending.begin), name="node")
+            tasks.create_task(worker.run(), name="aoa")
+            tasks.create_task(control.run(), name="control")
+            tasks.create_task(uav.autopilot.run(), name="autopilot")
+            tasks.create_task(uav.flight.run(), name="flight")
+            tasks.create_task(feed_watchdog(uav.flight.is_ticking), name="watchdog")
+            tasks.create_task(keep_priority(), name="priority")
+            await asyncio.sleep(0)  # each of them has begun
+            ending.started()
+            notify("READY=1")
+            _log.log(logging.WARNING if without else logging.INFO, without or "the control loop runs in real time")
+    finally:
+        control.close()
+        uav.node.close()
+        await uav.autopilot.aclose()
+
+
+async def _answer(uav: Uav, command: str) -> dict[str, Any]:
+    match command:
+        case "status":
+            return {"ok": True, **uav.flight.status(), "health": asdict(uav.node.health())}
+        case "engage":
+            refusal = await uav.flight.wishes.engage()
+            return {"ok": not refusal, "error": refusal, "vehicle": uav.flight.wishes.vehicle}
+        case "abort":
+            uav.flight.wishes.abort()
+            return {"ok": True, "error": ""}
+        case "pose":
+            return _pose_answer(uav.node, uav.autopilot.state().yaw_enu_rad)
+    return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
+
+
+def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:
+    pose, problem = node.intake.newest, node.intake.problem()
+    if pose is None or problem:
+        return {"ok": False, "error": f"no poses to check: {problem or node.intake.north_problem()}"}
+    return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}

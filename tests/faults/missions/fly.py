@@ -1,0 +1,377 @@
+"""Flies one scenario and keeps its trace."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import random
+from typing import Any, cast
+
+import numpy as np
+
+from companion.core.clock import NS_PER_S
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Surroundings, Wish
+from companion.core.messages import Pose, VehicleState
+from companion.core.streams import Stream
+from companion.flight.loop import Flight
+from companion.flight.records import MissionStep
+from companion.mission.table import State
+from companion.pose.intake import PoseIntake
+from companion.radio.card import ChannelSample
+from companion.sensing.iterations import SarIterations
+from companion.sensing.lookalikes import Lookalikes
+from companion.sim.px4.commander import Mode
+from tests.faults.missions.scenario import BEACON_ID, MOST_S, Fault, Scenario
+from tests.faults.missions.target import DrawnWindow, DrawnWorker, FoundNeighbour
+from tests.faults.missions.timeless import MissionClock, MissionLoop
+from tests.faults.missions.trace import (
+    LINK_FAULTS,
+    Asked,
+    Failed,
+    Faulted,
+    Moded,
+    Sent,
+    Served,
+    Switched,
+    Ticked,
+    Trace,
+)
+from tests.faults.missions.vehicle import STEP_NS, Vehicle, VehicleLink, edge_on, setpoint
+
+_BATTERIES: dict[str, dict[int, float | None]] = {
+    "low": {0: 0.1}, "second low": {0: 0.9, 1: 0.05}, "unknown": {0: None}, "second unknown": {0: 0.9, 1: None},
+    "silent": {},
+}  # fmt: skip
+_NO_CSI = np.zeros((30, 3), np.complex64)
+_ASKS_AFTER_S = 4.0
+_QUIET_S = 6.0
+"""A mission is flown on for so long after the last that was to happen."""
+
+
+def fly(scenario: Scenario) -> Trace:
+    """The same scenario gives the same trace."""
+    logging.getLogger("companion").setLevel(logging.CRITICAL + 1)
+    clock = MissionClock()
+    loop = MissionLoop(clock)
+    try:
+        loop.connect(lambda to_ns: setattr(clock, "t_ns", to_ns))
+        world = World(scenario, clock, loop)
+        loop.connect(world.advance)
+        loop.run_until_complete(world.run())
+        return world.trace
+    finally:
+        loop.close()
+        logging.getLogger("companion").setLevel(logging.NOTSET)
+
+
+class _Poses:
+    received = malformed = resets = 0
+
+    def align(self, north_yaw_rad: float) -> None: ...
+
+    async def run(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Service:
+    """One start of the companion: the parts that `companion.roles` would build, as they are."""
+
+    def __init__(self, world: World) -> None:
+        scenario, clock = world.scenario, world.clock
+        self.world = world
+        self.failed = False
+        self.told: VehicleState | None = None
+        """At this tick."""
+        self.target = FoundNeighbour(scenario.target_enu_m)
+        self.window = DrawnWindow(clock)
+        self.worker = DrawnWorker(world.rng, clock, self.window, self.target)
+        self.link = VehicleLink(world.vehicle, self.note_sent)
+        self.edge = edge_on(world.vehicle, self.link)
+        self.intake = PoseIntake(scenario.config.pose, clock, _Poses(), lambda _: None)
+        event_clock = EventClock(clock)
+        self.sar = SarIterations(
+            window=cast(Any, self.window), worker=self.worker, neighbours={BEACON_ID: self.target},
+            config=scenario.config.aperture, clock=event_clock, recorder=self,
+            lookalikes=Lookalikes({BEACON_ID: "beacon"}),
+            pose_problem=self.intake.problem_between,
+        )  # fmt: skip
+        self.flight = Flight(
+            config=scenario.config, clock=event_clock, intake=self.intake, neighbours={BEACON_ID: self.target},
+            autopilot=self.edge, sar=self.sar, recorder=self, look=self.look,
+        )  # fmt: skip
+        self.sar.iterations.connect(self.flight.knowledge.add_iteration)
+        self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run(), self.flight.run())]
+        world.trace.entries.append(Served(clock.t_ns, "begins"))
+
+    async def _run(self, part: Any) -> None:
+        try:
+            await part
+        except asyncio.CancelledError:
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever the flight raises is what is looked for
+            self.world.trace.entries.append(Failed(self.world.clock.t_ns, repr(error)))
+
+    def look(self) -> Surroundings:
+        engagement = self.flight._engagement
+        checked_s = engagement._age_s(engagement._checked_ns)
+        return Surroundings(
+            t_mono_ns=self.world.clock.t_ns, autopilot_problem=self.edge.problem, parameters_checked=checked_s < 30.0,
+            bad_signatures=0, recorder_failed=self.failed, free_mib=5000.0,
+        )  # fmt: skip
+
+    def counters(self) -> dict[str, int]:
+        return {}
+
+    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
+        if stream.topic == "/tick":
+            self.world.note_tick(self)
+        elif isinstance(message, MissionStep | Wish):
+            self.world.trace.entries.append(message)
+
+    def note_sent(self, name: str, fields: dict[str, Any]) -> None:
+        """Everything that leaves, as it leaves."""
+        now_ns, entries = self.world.clock.t_ns, self.world.trace.entries
+        if name == "SET_POSITION_TARGET_LOCAL_NED":
+            places, really = self.flight.knowledge.targets.places(), self.world.vehicle.commander.mode
+            told = self.told if self.told is not None and self.told.t_mono_ns == now_ns else self.edge.state()
+            offered, state = setpoint(fields, now_ns), self.flight.state
+            frame = getattr(self.flight, "_frame", None)
+            ground_m = 0.0 if frame is None else frame.ground_m
+            entries.append(Sent(now_ns, offered, told, state, really, places, ground_m))
+        elif name == "COMMAND_LONG" and fields["command"] in (22, 176, 400):
+            wanted = None
+            if fields["command"] == 176:
+                wanted = next(m for m in Mode if m.value == (fields["param2"], fields["param3"]))
+            what = {22: "takeoff", 176: "mode", 400: "arm" if fields["param1"] else "disarm"}[fields["command"]]
+            entries.append(Asked(now_ns, what, wanted, self.edge.state(), self.flight.state))
+
+
+class World:
+    """Everything around the service: moves on whenever all of its tasks sleep."""
+
+    def __init__(self, scenario: Scenario, clock: MissionClock, loop: MissionLoop) -> None:
+        self.scenario, self.clock, self.loop = scenario, clock, loop
+        self.rng = random.Random(f"world {scenario.seed}")
+        self.trace = Trace(scenario)
+        self.vehicle = Vehicle(scenario, clock)
+        self._modes_seen = len(self.vehicle.commander.history)
+        self._start_ns = clock.t_ns
+        self._step_ns = clock.t_ns + self.rng.randrange(STEP_NS)
+        self._faults = list(scenario.faults)
+        self._lasting: list[tuple[int, Fault]] = []
+        self._engaged_ns = 0
+        self._asks_left = scenario.asks_again
+        self.offset_m = [0.0, 0.0, 0.0]
+        self._pose_ns = self._packet_ns = self._datagram_ns = clock.t_ns
+        self._frozen: Pose | None = None
+        self._asking: list[asyncio.Task[str]] = []
+        self._ending: asyncio.Task[None] | None = None
+        last_s = max(fault.at_s + min(fault.for_s, 12.0) for fault in scenario.faults) + _QUIET_S
+        self._end_ns = self._start_ns + round(min(MOST_S, last_s) * NS_PER_S)
+        self.service: Service | None = None
+        self._applied_to: Service | None = None
+        self._switch_up = False
+
+    async def run(self) -> None:
+        self.service = Service(self)
+        while self.clock.t_ns < self._end_ns and not self._is_over():
+            await asyncio.sleep(0.5)
+            self._ask_again()
+        await self._end("stop")
+        await asyncio.gather(*self._asking, return_exceptions=True)
+
+    def _is_over(self) -> bool:
+        """Nothing is to come, and the vehicle stands on the ground or is in other hands for good."""
+        at_rest = self.service is not None and self.service.flight.state in (State.IDLE, State.LATCHED, State.FAULT)
+        return at_rest and not self._faults and self.clock.t_ns - self._engaged_ns > _QUIET_S * NS_PER_S
+
+    def _ask_again(self) -> None:
+        now_ns, service = self.clock.t_ns, self.service
+        if service is None or self._asks_left == 0 or now_ns - self._engaged_ns < _ASKS_AFTER_S * NS_PER_S:
+            return
+        if self._engaged_ns and service.flight.state in (State.IDLE, State.LATCHED):
+            self._asks_left -= 1
+            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(15.0 * NS_PER_S))
+            self._engage(service)
+
+    def _engage(self, service: Service) -> None:
+        self._engaged_ns = self.clock.t_ns
+        self._asking.append(self.loop.create_task(service.flight.wishes.engage()))
+
+    def advance(self, to_ns: int) -> None:
+        while self._step_ns <= to_ns:
+            self.clock.t_ns = max(self.clock.t_ns, self._step_ns)
+            pause = self._begin_faults()
+            self._turn(alone=False)
+            self._step_ns += STEP_NS
+            if pause is not None:
+                self._stand_still(pause)
+                to_ns = max(to_ns, self.clock.t_ns)
+        self.clock.t_ns = max(self.clock.t_ns, to_ns)
+
+    def note_tick(self, service: Service) -> None:
+        now_ns, commander = self.clock.t_ns, self.vehicle.commander
+        ready = (
+            service.sar.is_ready, not service.failed, not service.target.clock_lost, not commander.estimator.broken,
+        )  # fmt: skip
+        service.told = service.edge.state()
+        self.trace.entries.append(
+            Ticked(
+                now_ns, service.told, service.flight.state, commander.mode, commander.intention,
+                commander.armed, (now_ns - self._pose_ns) / NS_PER_S, (now_ns - self._packet_ns) / NS_PER_S,
+                (now_ns - self._datagram_ns) / NS_PER_S, ready,
+            )
+        )  # fmt: skip
+
+    def _turn(self, alone: bool) -> None:
+        """One step of the world; `alone`, while our program stands still, only the vehicle's."""
+        self.vehicle.step()
+        history = self.vehicle.commander.history
+        while self._modes_seen < len(history):
+            armed = self.vehicle.commander.armed
+            self.trace.entries.append(Moded(self.clock.t_ns, history[self._modes_seen][1], armed))
+            self._modes_seen += 1
+        self.vehicle.tell()
+        if alone or self.service is None:
+            return
+        service, now_ns = self.service, self.clock.t_ns
+        service.window.note(self.vehicle.airframe.estimated_p_enu_m)
+        self._give_poses(service)
+        if not self._lasts("packets"):
+            self._packet_ns = now_ns
+            service.flight.knowledge.heard(ChannelSample(BEACON_ID, None, now_ns, 0, _NO_CSI, -50.0))
+        if not self._lasts("datagrams"):
+            self._datagram_ns = service.target.heard_ns = now_ns
+        service.worker.give(service.sar)
+
+    def _give_poses(self, service: Service) -> None:
+        word = self._word("poses")
+        if word == "silent":
+            return
+        for ago_ns in (STEP_NS // 2, 0):
+            t_ns = self.clock.t_ns - ago_ns
+            x, y, z = (p + o for p, o in zip(self.vehicle.airframe.p_enu_m, self.offset_m, strict=True))
+            x = math.nan if word == "nan" else x
+            confidence = {"failed": 0, "low": 1}.get(word, 3)
+            pose = Pose(t_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0), self.vehicle.airframe.v_enu_m_s, confidence)
+            if word == "frozen" and self._frozen is not None:
+                old = self._frozen
+                pose = Pose(t_ns, old.p_enu_m, old.q_enu_from_body, old.v_enu_m_s, 3)
+            self._frozen = pose
+            if word not in ("nan", "failed"):
+                self._pose_ns = t_ns
+            service.intake.take(pose)
+
+    def _lasts(self, kind: str) -> bool:
+        return any(fault.kind == kind for _, fault in self._lasting)
+
+    def _word(self, kind: str) -> str:
+        return next((fault.word for _, fault in self._lasting if fault.kind == kind), "")
+
+    def _stand_still(self, pause: Fault) -> None:
+        """The event loop alone, the whole process, or (`suspend`) our clock with it."""
+        steps = round((0.1 + 4.0 * pause.size**2) * NS_PER_S / STEP_NS)
+        telemetry = self.vehicle.telemetry
+        self.vehicle.telemetry = telemetry if pause.word == "loop" else None
+        for _ in range(steps):
+            if pause.word == "suspend":
+                self.vehicle.suspended_ns += STEP_NS
+            else:
+                self.clock.t_ns += STEP_NS
+                self._step_ns = self.clock.t_ns + STEP_NS
+            self._turn(alone=True)
+        self.vehicle.telemetry = telemetry
+        self._disturb(0.0, "pause")
+
+    def _disturb(self, for_s: float, kind: str) -> None:
+        if kind in LINK_FAULTS:
+            self.trace.quiet_ns = max(self.trace.quiet_ns, self.clock.t_ns + round(for_s * NS_PER_S))
+
+    def _begin_faults(self) -> Fault | None:
+        now_ns, pause = self.clock.t_ns, None
+        was = len(self._lasting), self._switch_up
+        ended = [one for one in self._lasting if one[0] <= now_ns]
+        for until_ns, fault in ended:
+            self._lasting.remove((until_ns, fault))
+            self.trace.entries.append(Faulted(now_ns, fault, False))
+        while self._faults and self._start_ns + self._faults[0].at_s * NS_PER_S <= now_ns:
+            fault = self._faults.pop(0)
+            self.trace.entries.append(Faulted(now_ns, fault, True))
+            self._disturb(fault.for_s, fault.kind)
+            if fault.for_s:
+                self._lasting.append((now_ns + round(fault.for_s * NS_PER_S), fault))
+            elif fault.kind == "pause":
+                pause = fault
+            else:
+                self._happen(fault)
+        if ended or self._applied_to is not self.service or was != (len(self._lasting), self._switch_up):
+            self._applied_to = self.service
+            self._apply()
+        return pause
+
+    def _apply(self) -> None:
+        """What lasts, as it is now."""
+        vehicle, service = self.vehicle, self.service
+        vehicle.mute, vehicle.commands, vehicle.offboard = map(self._word, ("mute", "commands", "offboard"))
+        vehicle.is_deaf = self._lasts("deaf")
+        vehicle.parameters_silent = self._word("parameters") == "silent"
+        vehicle.commander.parameters["COM_OF_LOSS_T"] = 10.0 if self._word("parameters") == "wrong" else 1.0
+        vehicle.commander.estimator.broken = self._lasts("estimator")
+        wind = next((fault for _, fault in self._lasting if fault.kind == "wind"), None)
+        angle = 0.0 if wind is None else math.tau * wind.size
+        force_m_s2 = 0.0 if wind is None else 2.0 + 6.0 * wind.size
+        vehicle.wind_m_s2 = (force_m_s2 * math.cos(5 * angle), force_m_s2 * math.sin(5 * angle))
+        vehicle.batteries = dict(_BATTERIES.get(self._word("battery"), {0: 0.9}))
+        was_up, vehicle.up = vehicle.up, None if self._lasts("rc") else self._switch_up
+        if was_up is not vehicle.up:
+            self.trace.entries.append(Switched(self.clock.t_ns, vehicle.up))
+        if service is not None:
+            service.failed, service.target.clock_lost = self._lasts("recorder"), self._lasts("clock")
+            service.link.is_closed = self._lasts("closed")
+            service.worker.does = self._word("worker")
+            (service.worker.ready.clear if service.worker.does == "gone" else service.worker.ready.set)()
+
+    def _happen(self, fault: Fault) -> None:
+        vehicle, service = self.vehicle, self.service
+        match fault.kind:
+            case "reboot":
+                vehicle.reboot(6.0 * fault.size)
+                self._disturb(6.0 * fault.size, "reboot")
+            case "pilot":
+                vehicle.commander.pilot_mode(Mode[fault.word])
+            case "sticks":
+                vehicle.commander.sticks((fault.size, 0.3, 0.2))
+            case "switch":
+                self._switch_up = not self._switch_up
+            case "jump":
+                self.offset_m[0] += 0.2 + fault.size
+            case "reset":
+                vehicle.commander.estimator.reset_by((2.0 * fault.size - 1.0, 0.5, 0.0))
+            case "abort" if service is not None:
+                service.flight.wishes.abort()
+            case "engage" if service is not None:
+                self._engage(service)
+            case "stop" | "kill" if service is not None and self._ending is None:
+                self._ending = self.loop.create_task(self._restart(fault.kind, 0.2 + 3.0 * fault.size))
+
+    async def _restart(self, how: str, after_s: float) -> None:
+        await self._end(how)
+        await asyncio.sleep(after_s)
+        self.service, self._ending = Service(self), None
+
+    async def _end(self, how: str) -> None:
+        service, self.service = self.service, None
+        if service is None:
+            return
+        flight = service.flight
+        was_flying = flight._streaming
+        self.trace.entries.append(Served(self.clock.t_ns, how, was_flying, service.edge.state()))
+        service.link.is_killed = how == "kill"
+        for task in service.tasks[1:] + service.tasks[:1]:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        service.link.is_killed = True
+        self.trace.entries.append(Served(self.clock.t_ns, "has ended", was_flying, service.edge.state()))

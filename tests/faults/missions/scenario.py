@@ -1,0 +1,133 @@
+"""One mission's draw: who flies, how it is configured, what goes wrong when, and when a person asks for what."""
+
+from __future__ import annotations
+
+import math
+import random
+import tempfile
+from dataclasses import dataclass
+from typing import Final
+
+from companion.config.schema import (
+    ApertureConfig,
+    AutopilotConfig,
+    Config,
+    CsiConfig,
+    GateConfig,
+    MissionConfig,
+    NeighbourConfig,
+    Peer,
+    PoseConfig,
+)
+from companion.core.messages import Vector3
+
+UAV_ID: Final = 1
+BEACON_ID: Final = 2
+SWITCH_CHANNEL: Final = 7
+MOST_S: Final = 50.0
+
+DURATIONS_S: Final = {
+    "mute": (0.2, 8.0), "deaf": (0.2, 6.0), "closed": (0.2, 4.0), "offboard": (1.0, 20.0), "commands": (1.0, 15.0),
+    "parameters": (1.0, 10.0), "poses": (0.05, 12.0), "packets": (0.5, 20.0), "datagrams": (0.5, 20.0),
+    "worker": (0.5, 15.0), "battery": (2.0, 60.0), "wind": (0.3, 3.0), "estimator": (0.5, 6.0),
+    "recorder": (0.5, 20.0), "clock": (0.5, 20.0), "rc": (0.2, 5.0),
+}  # fmt: skip
+"""Faults that last, and how long. The others happen at once."""
+_WORDS: Final[dict[str, tuple[str, ...]]] = {
+    "mute": ("heartbeats", "telemetry", "position", "everything"), "deaf": ("",), "closed": ("",),
+    "offboard": ("refuse", "silent"), "commands": ("refuse", "silent"), "parameters": ("silent", "wrong"),
+    "poses": ("silent", "nan", "low", "failed", "frozen"), "packets": ("",), "datagrams": ("",),
+    "worker": ("hangs", "gone", "lost", "refuses", "doubts", "lies"), "battery": ("low", "second low", "unknown",
+    "silent", "second unknown"), "wind": ("",), "estimator": ("",), "recorder": ("",), "clock": ("",), "rc": ("",),
+    "pause": ("loop", "process"), "reboot": ("",), "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"),
+    "sticks": ("",), "switch": ("",), "jump": ("",), "reset": ("",), "abort": ("",), "engage": ("",),
+    "stop": ("",), "kill": ("",),
+}  # fmt: skip
+_OFTEN: Final = {"pause": 3, "pilot": 3, "mute": 3, "abort": 2, "battery": 2, "poses": 3, "engage": 2}
+_KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """`kind` and `word` as in the tables above; `size` is a number that the kind scales as it needs it (0..1)."""
+
+    at_s: float
+    kind: str
+    word: str
+    for_s: float
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    seed: int
+    config: Config
+    faults: tuple[Fault, ...]
+    """In order of time."""
+    starts_in_air: bool
+    target_enu_m: Vector3
+    asks_again: int
+    """How often a person engages again when a flight has ended by itself."""
+    rc_loss_act: int
+    """COM_OBL_RC_ACT: what PX4 does when the stream is lost."""
+
+
+def draw(seed: int) -> Scenario:
+    """The same seed gives the same scenario, whatever was drawn before."""
+    rng = random.Random(f"mission {seed}")
+    has_switch = rng.random() < 0.4
+    faults = [_fault(rng) for _ in range(rng.choice((0, 1, 1, 2, 2, 3, 4, 6)))]
+    faults.append(Fault(2.0 + rng.random(), "engage", "", 0.0, 0.0))
+    if has_switch:
+        faults += [Fault(3.0 + 3.0 * rng.random(), "switch", "", 0.0, 0.0)]
+    bearing_rad, range_m = rng.uniform(-math.pi, math.pi), rng.uniform(2.5, 9.0)
+    return Scenario(
+        seed=seed,
+        config=_config(rng, has_switch),
+        faults=tuple(sorted(faults, key=lambda fault: fault.at_s)),
+        starts_in_air=rng.random() < 0.4,
+        target_enu_m=(range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad), rng.uniform(0.0, 1.5)),
+        asks_again=rng.choice((0, 1, 2)),
+        rc_loss_act=rng.choice((4, 4, 5, 5, 5, 5, 5, 3, 0)),
+    )
+
+
+def _fault(rng: random.Random) -> Fault:
+    kind = rng.choice(_KINDS)
+    low_s, high_s = DURATIONS_S.get(kind, (0.0, 0.0))
+    for_s = low_s * (high_s / low_s) ** rng.random() if low_s else 0.0
+    return Fault(rng.uniform(0.5, 26.0), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
+
+
+def _config(rng: random.Random, has_switch: bool) -> Config:
+    small = rng.random() < 0.3
+    half_m = rng.uniform(2.5, 6.0)
+    fence = (
+        GateConfig(fence_min_m=(-half_m, -half_m, -1.0), fence_max_m=(half_m, half_m, 3.5), fence_radius_m=1.2 * half_m)
+        if small
+        else GateConfig()
+    )
+    return Config(
+        role="uav",
+        id=UAV_ID,
+        name="uav",
+        runtime_dir=tempfile.gettempdir(),
+        csi=CsiConfig(channel=108, source="unix"),
+        neighbours=NeighbourConfig(key_file="none"),
+        peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
+        pose=PoseConfig(),
+        aperture=ApertureConfig(length_m=rng.uniform(0.6, 1.3)),
+        gate=fence,
+        mission=MissionConfig(
+            control="observe" if rng.random() < 0.04 else "fly",
+            leave=rng.choice(("hold", "land", "return")),
+            lost_target=rng.choice(("return", "land")),
+            setpoints=rng.choice(("position", "velocity")),
+            yaw=rng.choice(("fixed", "target")),
+            takeoff_height_m=rng.uniform(1.0, 2.5),
+            speed_m_s=rng.uniform(0.3, 0.9),
+            limit_s=rng.choice((15.0, 900.0, 900.0)),
+            hold_limit_s=rng.choice((8.0, 20.0)),
+        ),
+        autopilot=AutopilotConfig("none", engage_rc_channel=SWITCH_CHANNEL if has_switch else None),
+    )

@@ -1,0 +1,55 @@
+"""An event loop whose time goes on only while nobody has anything to do: whole missions in a fraction of a second."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import selectors
+from collections.abc import Callable
+
+from companion.core.clock import NS_PER_S
+
+Advance = Callable[[int], None]
+
+
+class MissionClock:
+    """A `companion.core.clock.Clock`; `asyncio.sleep` and `asyncio.timeout` of a `MissionLoop` go by it too."""
+
+    def __init__(self) -> None:
+        self.t_ns = 10 * NS_PER_S
+
+    def now_ns(self) -> int:
+        return self.t_ns
+
+    async def sleep_until_ns(self, deadline_ns: int) -> None:
+        await asyncio.sleep(max(0, deadline_ns - self.t_ns) / NS_PER_S)
+
+
+class _Selector(selectors.SelectSelector):
+    """Waits for nothing but time."""
+
+    def __init__(self, clock: MissionClock) -> None:
+        super().__init__()
+        self._clock = clock
+        self.advance: Advance | None = None
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        if timeout is None:
+            raise RuntimeError("every task waits for something that never comes")
+        if timeout > 0 and self.advance is not None:
+            self.advance(self._clock.t_ns + max(1, math.ceil(timeout * NS_PER_S)))
+        return []
+
+
+class MissionLoop(asyncio.SelectorEventLoop):
+    def __init__(self, clock: MissionClock) -> None:
+        self._of = _Selector(clock)
+        self._clock = clock
+        super().__init__(self._of)
+
+    def time(self) -> float:
+        return self._clock.t_ns / NS_PER_S
+
+    def connect(self, advance: Advance) -> None:
+        """`advance` moves the world and the clock to a time, or further when this program stands still meanwhile."""
+        self._of.advance = advance

@@ -1,0 +1,208 @@
+"""Missions under random faults, judged by the promises of docs/safety.md; and each rule seen red once."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from companion.core.clock import NS_PER_S
+from companion.core.inputs import Event
+from companion.flight.loop import Flight
+from companion.flight.rc_switch import RcSwitch
+from companion.flight.records import MissionStep
+from companion.mission import table
+from companion.mission.table import State
+from companion.safety.gate import Gate, Verdict
+from tests.faults.campaigns import runs
+from tests.faults.missions import promises
+from tests.faults.missions.fly import fly
+from tests.faults.missions.scenario import Fault, Scenario, draw
+from tests.faults.missions.trace import Sent, Trace
+
+# A command that is given up before it began was never awaited; the service says so in no other way.
+pytestmark = pytest.mark.filterwarnings("ignore:.*never awaited", "ignore::pytest.PytestUnraisableExceptionWarning")
+
+_BLOCK = 10
+_PLAIN = 3
+"""A seed whose vehicle starts in the air and may be engaged."""
+
+
+@pytest.mark.parametrize("block", range(runs(4, 500)))
+def test_fault_43_random_missions_keep_the_promises(block: int) -> None:
+    broken = {}
+    for seed in range(block * _BLOCK, (block + 1) * _BLOCK):
+        if found := promises.violations(fly(draw(seed))):
+            broken[seed] = found
+    assert broken == {}
+
+
+def flight_with(*faults: Fault, **changes: Any) -> Scenario:
+    """In the air, engaged after 2 s, with these faults."""
+    plain = draw(_PLAIN)
+    mission = dataclasses.replace(plain.config.mission, control="fly", limit_s=900.0, setpoints="position")
+    config = dataclasses.replace(plain.config, mission=dataclasses.replace(mission, **changes))
+    engage = Fault(2.0, "engage", "", 0.0, 0.0)
+    return dataclasses.replace(
+        plain, config=config, faults=tuple(sorted((engage, *faults), key=lambda fault: fault.at_s)),
+        starts_in_air=True, asks_again=0, rc_loss_act=5, target_enu_m=(8.0, 0.0, 1.0),
+    )  # fmt: skip
+
+
+def broken_by(scenario: Scenario) -> set[str]:
+    return {one.promise for one in promises.violations(fly(scenario))}
+
+
+def states(trace: Trace) -> list[State]:
+    return [step.next_state for step in trace.of(MissionStep)]
+
+
+def test_a_mission_without_faults_streams_and_keeps_every_promise() -> None:
+    trace = fly(flight_with())
+    assert State.ACQUIRING in states(trace)
+    assert len(trace.of(Sent)) > 60
+    assert promises.violations(trace) == []
+
+
+def test_the_same_seed_is_the_same_mission() -> None:
+    assert fly(draw(7)).entries == fly(draw(7)).entries
+
+
+@pytest.mark.xfail(reason="a suspended host's clock stands still with us: only another clock can tell", strict=True)
+def test_a_suspended_host_does_not_take_the_vehicle_back() -> None:
+    assert broken_by(flight_with(Fault(5.0, "pause", "suspend", 0.0, 0.8))) == set()
+
+
+def test_red_a_table_that_stays_when_the_mode_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.MODE_LOST}
+    monkeypatch.setattr(table, "TABLE", lame)
+    monkeypatch.setattr(Gate, "check", _passes_everything)
+    assert {"lost_mode_is_left", "only_in_our_modes"} <= broken_by(flight_with(Fault(6.0, "pilot", "POSCTL", 0.0, 0.0)))
+
+
+def test_red_a_table_that_goes_on_after_a_stall(monkeypatch: pytest.MonkeyPatch) -> None:
+    lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.STALLED}
+    monkeypatch.setattr(table, "TABLE", lame)
+    assert "still_stream_is_over" in broken_by(flight_with(Fault(6.1, "pause", "process", 0.0, 0.42)))
+
+
+def test_red_an_end_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.ABORT}
+    monkeypatch.setattr(table, "TABLE", lame)
+    assert "abort_ends_it" in broken_by(flight_with(Fault(6.0, "abort", "", 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("event", "fault", "promise"),
+    [
+        (Event.LINK_LOST, Fault(6.0, "mute", "heartbeats", 4.0, 0.0), "fresh"),
+        (Event.BATTERY_LOW, Fault(6.0, "battery", "low", 6.0, 0.0), "faults_end_the_stream"),
+        (Event.POSE_LOST, Fault(4.0, "poses", "silent", 12.0, 0.0), "faults_end_the_stream"),
+    ],
+)
+def test_red_a_table_that_does_not_hear_a_fault(
+    monkeypatch: pytest.MonkeyPatch, event: Event, fault: Fault, promise: str
+) -> None:
+    lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not event}
+    monkeypatch.setattr(table, "TABLE", lame)
+    assert promise in broken_by(flight_with(fault))
+
+
+def test_red_an_end_that_leaves_nobody_in_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def nothing(self: object) -> None: ...
+
+    monkeypatch.setattr("companion.flight.commands.FlightCommands.leave_at_end", nothing)
+    assert "restart_is_idle" in broken_by(flight_with(Fault(6.0, "stop", "", 0.0, 0.5)))
+
+
+def test_red_an_abort_that_keeps_streaming_is_not_left_in_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def nothing(self: object) -> None: ...
+
+    monkeypatch.setattr("companion.flight.commands.FlightCommands.hold", nothing)
+    # The autopilot's own failsafe flies a second later, and its intention stays OFFBOARD.
+    later = Fault(12.0, "packets", "", 1.0, 0.0)
+    assert "left_in_hold" in broken_by(flight_with(Fault(6.0, "abort", "", 0.0, 0.0), later))
+
+
+def test_red_a_gate_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Gate, "check", _passes_everything)
+    assert "within_limits" in broken_by(flight_with(speed_m_s=1.9, acceleration_m_s2=4.0))
+
+
+def test_red_a_gate_and_a_table_that_do_not_look_at_ages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Gate, "check", _passes_everything)
+    assert "fresh" in broken_by(flight_with(Fault(6.0, "mute", "position", 3.0, 0.0)))
+
+
+def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.flight.engagement.readiness_problems", lambda *_: [])
+    assert "preflight_holds" in broken_by(flight_with(Fault(0.5, "clock", "", 5.0, 0.0)))
+
+
+def test_red_a_service_that_engages_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Flight.tick
+
+    def eager(self: Flight, now_ns: int) -> None:
+        if self.state is State.IDLE and now_ns > 14 * NS_PER_S:
+            self._course.report(Event.ENGAGE)
+            self._engagement._checked_ns = now_ns
+        real(self, now_ns)
+
+    monkeypatch.setattr(Flight, "tick", eager)
+    scenario = dataclasses.replace(flight_with(), faults=(Fault(8.0, "jump", "", 0.0, 0.0),))
+    assert "person_engages" in broken_by(scenario)
+
+
+def test_red_an_observer_that_speaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.flight.engagement.readiness_problems", lambda *_: [])
+    monkeypatch.setattr("companion.flight.loop.SilentAutopilot", lambda autopilot: autopilot)
+    assert "observing_is_silent" in broken_by(flight_with(control="observe"))
+
+
+def test_red_a_loop_that_sends_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Flight._send
+
+    def twice(self: Flight, setpoint: Any) -> None:
+        real(self, setpoint)
+        real(self, setpoint)
+
+    monkeypatch.setattr(Flight, "_send", twice)
+    assert "one_per_tick" in broken_by(flight_with())
+
+
+def test_red_a_mode_that_is_asked_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.MavsdkAutopilot._set_mode.__defaults__", (9.0,))
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.MavsdkAutopilot._command.__defaults__", (9.0,))
+    assert "asked_for_3_s" in broken_by(flight_with(Fault(2.2, "offboard", "silent", 15.0, 0.0)))
+
+
+def test_red_a_flight_that_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: object, *_: object) -> None:
+        raise ValueError("a part of the flight")
+
+    monkeypatch.setattr(Flight, "_send", broken)
+    assert "nothing_raises" in broken_by(flight_with())
+
+
+def test_red_a_latch_that_is_left_by_a_bearing(monkeypatch: pytest.MonkeyPatch) -> None:
+    open_latch = {**table.TABLE, (State.LATCHED, Event.BEARING_STALE): (State.IDLE, ())}
+    monkeypatch.setattr(table, "TABLE", open_latch)
+    faults = Fault(6.0, "abort", "", 0.0, 0.0), Fault(6.5, "packets", "", 6.0, 0.0), Fault(14.0, "jump", "", 0.0, 0.0)
+    assert "latched_until_engaged" in broken_by(flight_with(*faults))
+
+
+def test_red_a_switch_that_engages_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    def standing(self: RcSwitch, rc_us: tuple[int, ...]) -> Event | None:
+        return Event.ENGAGE if rc_us else None
+
+    monkeypatch.setattr(RcSwitch, "update", standing)
+    scenario = flight_with(Fault(9.0, "jump", "", 0.0, 0.0))
+    autopilot = dataclasses.replace(scenario.config.autopilot, engage_rc_channel=7)  # type: ignore[type-var]
+    config = dataclasses.replace(scenario.config, autopilot=autopilot)
+    faults = tuple(fault for fault in scenario.faults if fault.kind != "engage")
+    assert "switch_seen_down" in broken_by(dataclasses.replace(scenario, config=config, faults=faults))
+
+
+def _passes_everything(self: Gate, setpoint: Any, *_: Any) -> Verdict:
+    return Verdict(setpoint)

@@ -1,0 +1,222 @@
+"""What the vehicle says of itself decides: faults 31 and on, in virtual time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from companion.core.clock import NS_PER_S
+from companion.mission.table import State
+from tests.faults.virtual_flight import VirtualFlight
+
+Start = Callable[..., VirtualFlight]
+
+
+@pytest.fixture
+def start(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Start:
+    def begin(gps: bool = True, **parameters: int | float) -> VirtualFlight:
+        return VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps, **parameters)
+
+    return begin
+
+
+@asynccontextmanager
+async def _flying(flight: VirtualFlight, settle_s: float = 6.0) -> AsyncIterator[VirtualFlight]:
+    try:
+        async with flight.flight._commands:
+            await flight.run(settle_s)
+            yield flight
+    finally:
+        flight.close()
+
+
+@pytest.mark.parametrize("gps", [True, False])
+async def test_fault_34_a_whole_flight_from_ground_to_ground(start: Start, gps: bool) -> None:
+    async with _flying(start(gps)) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        await flight.run(5.0)
+        heights_m = [p[2] for p, _ in flight.truths[-60:]]
+        assert all(abs(height_m - 1.5) < 0.35 for height_m in heights_m), (min(heights_m), max(heights_m))
+        flight.is_heard = False
+        await flight.until(State.IDLE, timeout_s=90.0)
+        assert State.LANDING in flight.states and max(p[2] for p, _ in flight.truths) < 3.5
+        await flight.run(12.0)
+        report = flight.report()
+        assert report.mode == "HOLD" and not report.armed and not report.failsafe
+
+
+async def test_fault_31_a_second_vehicle_on_the_link_is_left_alone(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.order("stranger 7")
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        (stranger,) = flight.report().strangers
+        assert not stranger.armed and stranger.setpoints == 0 and stranger.mode == "HOLD"
+        told = flight.flight.status()["vehicle"]
+        assert (told["system_id"], told["autopilot"], told["firmware"]) == (1, "px4", "1.16.1")
+        assert flight.flight.wishes.vehicle == "system 1, px4 1.16.1"
+
+
+async def test_fault_31_a_vehicle_that_is_no_px4_is_not_engaged(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.px4.link.streams._kind = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        await flight.run(1.5)
+        assert "the vehicle is no PX4 but ardupilot" in flight.flight.status()["not_ready"]
+
+
+@pytest.mark.parametrize(
+    ("orders", "problem"),
+    [
+        (["battery 0 0.95", "battery 1 0.05"], "the battery is low: 5 %, wanted 20"),
+        (["battery 0 0.05", "battery 1 0.95"], "the battery is low: 5 %, wanted 20"),
+        (["battery 0 0.95", "battery 1 unknown"], "battery 1 is silent, or does not know how full it is"),
+        (["battery 0 unknown"], "no battery tells how full it is (BATTERY_STATUS)"),
+        (["battery 0 silent"], "no battery tells how full it is (BATTERY_STATUS)"),
+    ],
+)
+async def test_fault_32_the_lowest_battery_counts_and_an_unknown_one_refuses(
+    start: Start, orders: list[str], problem: str
+) -> None:
+    async with _flying(start()) as flight:
+        for order in orders:
+            flight.order(order)
+        await flight.run(8.0)
+        assert problem in await flight.engage()
+        assert not flight.report().armed
+
+
+@pytest.mark.parametrize(("parameter", "value"), [("RTL_RETURN_ALT", 30.0), ("NAV_MC_ALT_RAD", 1.5)])
+async def test_fault_33_heights_of_the_autopilots_own_are_looked_at_first(
+    start: Start, parameter: str, value: float
+) -> None:
+    async with _flying(start(**{parameter: value})) as flight:
+        assert (await flight.engage()).startswith(f"parameter {parameter} is {value:g}; wanted ")
+        assert not flight.report().armed
+
+
+@pytest.mark.parametrize("drift_m", [-0.5, 0.5])
+async def test_fault_34_heights_count_from_where_it_stood(start: Start, drift_m: float) -> None:
+    """The estimate's Up has wandered; PX4 ends its takeoff below the height and climbs on."""
+    async with _flying(start(), 1.0) as flight:
+        flight.px4.commander.estimator._drift_m = drift_m
+        await flight.run(40.0)
+        assert flight.state.p_local_enu_m is not None and abs(flight.state.p_local_enu_m[2]) > 0.35
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        await flight.run(6.0)
+        assert all(abs(p[2] - 1.5) < 0.3 for p, _ in flight.truths[-40:])
+
+
+async def test_fault_35_without_gps_it_gets_an_origin_and_is_refused_until_then(start: Start) -> None:
+    flight = start(gps=False)
+    flight.has_poses = False
+    async with _flying(flight, 4.0):
+        assert "the autopilot's estimator is not healthy" in flight.flight.status()["not_ready"]
+        assert flight.report().received.get("SET_GPS_GLOBAL_ORIGIN", 0) == 0, "not before it takes our poses"
+        flight.has_poses = True
+        await flight.run(5.0)
+        report = flight.report()
+        assert report.has_global_position and report.received["SET_GPS_GLOBAL_ORIGIN"] == 1
+        assert report.vision_dropped == 0
+        assert await flight.engage() == ""
+
+
+async def test_fault_35_a_restarted_vehicle_gets_its_origin_again(start: Start) -> None:
+    async with _flying(start(gps=False)) as flight:
+        flight.order("reboot 2")
+        await flight.run(10.0)
+        assert flight.state.boots == 1 and flight.report().has_global_position
+        assert await flight.engage() == ""
+
+
+@pytest.mark.parametrize("jump_m", [(1.0, 0.0, 0.0), (0.0, -3.0, 0.4)])
+async def test_fault_36_without_gps_a_jump_of_the_poses_moves_nothing(
+    start: Start, jump_m: tuple[float, float, float]
+) -> None:
+    async with _flying(start(gps=False)) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        flight.is_heard = False
+        await flight.until(State.HOLDING)
+        await flight.run(1.5)
+        here, since = flight.truths[-1][0], len(flight.truths)
+        flight.pose_offset_m = jump_m
+        await flight.run(2.0)
+        assert flight.uav.node.intake.reset_counter == 1
+        assert math.dist(flight.truths[-1][0], here) < 0.15 and flight.top_speed_m_s(since) < 0.3
+        assert flight.report().vision_dropped == 0
+
+
+@pytest.mark.parametrize("reset_m", [(5.0, 0.0, 0.0), (-1.0, 1.0, 0.5)])
+async def test_fault_37_an_estimate_that_is_set_anew_moves_our_path_along(
+    start: Start, reset_m: tuple[float, float, float]
+) -> None:
+    async with _flying(start()) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        flight.is_heard = False
+        await flight.until(State.HOLDING)
+        await flight.run(1.5)
+        here, since = flight.truths[-1][0], len(flight.truths)
+        flight.order("reset {} {} {}".format(*reset_m))
+        await flight.run(1.5)
+        assert flight.flight.state is State.HOLDING
+        assert math.dist(flight.truths[-1][0], here) < 0.25 and flight.top_speed_m_s(since) < 0.4
+        heights_m = [p[2] for p, _ in flight.truths[since:]]
+        assert max(heights_m) - min(heights_m) < 0.25
+
+
+async def test_fault_38_a_clock_of_ours_that_stood_still_latches(start: Start) -> None:
+    """The host was suspended for 5 s: no clock of ours has seen it, the vehicle's has."""
+    async with _flying(start()) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        flight.px4.link.clock._up_ns += 5 * NS_PER_S
+        before = flight.report().setpoints
+        await flight.run(3.0)
+        assert flight.flight.state is State.LATCHED and flight.flight.status()["reason"] == "stalled"
+        assert flight.report().setpoints - before <= 3
+        assert flight.report().mode == "HOLD", "by its own failsafe"
+        assert (await flight.engage()).startswith("the autopilot is in a failsafe (asked for "), (
+            "until a person decides"
+        )
+
+
+async def test_fault_39_without_gps_silent_poses_land_it_while_it_still_knows_where_it_is(start: Start) -> None:
+    async with _flying(start(gps=False)) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        await flight.run(2.0)
+        flight.has_poses = False
+        await flight.until(State.LANDING, timeout_s=4.0)
+        assert flight.px4.commander.estimator.has_local_position
+        await flight.until(State.IDLE, timeout_s=60.0)
+        await flight.run(16.0)
+        report = flight.report()
+        assert not report.armed
+        assert report.mode != "OFFBOARD"
+
+
+async def test_fault_40_on_the_ground_in_offboard_it_says_what_to_do(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.order("pilot offboard")
+        await flight.run(1.0)
+        assert "the vehicle stands in mode offboard, in which it does not arm: choose Hold at the ground station" in (
+            await flight.engage()
+        )
+        flight.order("pilot hold")
+        await flight.run(1.0)
+        assert await flight.engage() == ""
+
+
+async def test_fault_40_outside_its_own_fence_it_is_not_engaged(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.order("reset 0 0 -487")
+        await flight.run(1.0)
+        assert "the vehicle is outside gate.fence_*: East " in await flight.engage()

@@ -1,0 +1,127 @@
+"""The checks and all tests side by side, as `make test` runs them: `python -m tests.lanes`.
+
+A lane is one command, and all lanes run at once. What lives in real time waits most of the time and takes what little
+it needs at once; what computes is niced and takes all that is left. A lane is printed when it has ended; while it runs
+its output is in build/test/. docs/testing.md has a table of where the time goes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from companion.host.child import die_with_parent
+from companion.sensing.worker_process import ONE_THREAD
+
+_ROOT: Final = Path(__file__).resolve().parents[1]
+_OUT: Final = _ROOT / "build" / "test"
+_PYTEST: Final = (sys.executable, "-m", "pytest")
+_NICE: Final = ("nice", "-n", "10")
+_INTERRUPTED: Final = 130
+_END_S: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One command and where its output goes."""
+
+    name: str
+    command: tuple[str, ...]
+    environment: Mapping[str, str] = field(default_factory=dict)
+    """What is set beside what there is."""
+
+    @property
+    def output(self) -> Path:
+        return _OUT / f"{self.name}.txt"
+
+
+def _real_time(name: str, *modules: str) -> Lane:
+    """Modules of tests/sitl one after the other."""
+    return Lane(name, (*_PYTEST, *(f"tests/sitl/test_{module}.py" for module in modules)))
+
+
+_FLIGHTS: Final = (
+    ("flight", "flight"),
+    ("demo", "demo", "mission", "observe"),
+)
+"""Those that take longest, in lanes of about the same length; all other modules of tests/sitl share one more."""
+
+
+def lanes() -> list[Lane]:
+    """Those that take longest first."""
+    named = {module for _, *modules in _FLIGHTS for module in modules}
+    others = sorted(path.stem.removeprefix("test_") for path in (_ROOT / "tests" / "sitl").glob("test_*.py"))
+    computing = ("tests/unit", "tests/property", "tests/golden", "tests/faults")
+    return [
+        *(_real_time(*lane) for lane in _FLIGHTS),
+        _real_time("edges", *(module for module in others if module not in named)),
+        # A thread for each worker: where there are more of BLAS than cores, they spin for each other.
+        Lane("computing", (*_NICE, *_PYTEST, "-n", "2", *computing), ONE_THREAD),
+        Lane("checks", (*_NICE, "make", "--silent", "check")),
+    ]
+
+
+def run(chosen: list[Lane]) -> int:
+    """Runs them all, whatever fails. The exit code: 0 when all is well, 1 when not, 130 when it was interrupted."""
+    _OUT.mkdir(parents=True, exist_ok=True)
+    print(f"{', '.join(lane.name for lane in chosen)}: all at once; while they run see {_OUT}/*.txt", flush=True)
+    began_s = time.monotonic()
+    started = [(lane, _start(lane)) for lane in chosen]
+    running = {process.pid: (lane, process) for lane, process in started}
+    lines, failed = [], 0
+    try:
+        while running:
+            pid, status, used = os.wait3(0)
+            lane, process = running.pop(pid)
+            process.returncode = code = os.waitstatus_to_exitcode(status)
+            failed += code != 0
+            lines.append(
+                f"{lane.name:>10} {'passed' if code == 0 else f'FAILED ({code})'}: {time.monotonic() - began_s:.0f} s, "
+                f"of which {used.ru_utime + used.ru_stime:.0f} s of processor"
+            )
+            print(f"\n{lane.output.read_text(errors='replace').strip()}\n{lines[-1]}", flush=True)
+    except KeyboardInterrupt:
+        print("\ninterrupted", flush=True)
+        _end([process for _, process in running.values()])
+        return _INTERRUPTED
+    print("", *lines, sep="\n")
+    return min(failed, 1)
+
+
+def _start(lane: Lane) -> subprocess.Popen[bytes]:
+    with lane.output.open("wb") as output:
+        return subprocess.Popen(
+            lane.command, cwd=_ROOT, env=os.environ | lane.environment, stdin=subprocess.DEVNULL, stdout=output,
+            stderr=output, process_group=0, preexec_fn=die_with_parent,
+        )  # fmt: skip
+
+
+def _end(processes: list[subprocess.Popen[bytes]]) -> None:
+    """An interrupt to each, on which pytest ends its tests; whoever is left of what they started is killed."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, number)
+        deadline_s = time.monotonic() + _END_S
+        for process in processes:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(max(0.0, deadline_s - time.monotonic()))
+
+
+def main() -> None:
+    # Set anew, since a shell has what it starts in the background ignore the one, and Python ends at the other.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    sys.exit(run(lanes()))
+
+
+if __name__ == "__main__":
+    main()

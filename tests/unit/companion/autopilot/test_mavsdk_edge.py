@@ -1,0 +1,151 @@
+"""The edge against the mock in virtual time: the vehicle's clock, its restarts, its resets, and the battery's age."""
+
+from __future__ import annotations
+
+import pytest
+
+from companion.core.clock import NS_PER_S
+from companion.core.messages import FlightMode
+from companion.sim.px4.commander import Mode
+from tests.unit.companion.autopilot.virtual_vehicle import VirtualVehicle
+
+_GPS_DENIED = {"SYS_HAS_GPS": 0, "EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 11, "EKF2_HGT_REF": 3, "COM_OBL_RC_ACT": 4}
+
+
+@pytest.mark.parametrize(("clock_rate", "seconds"), [(0.985, 600), (1.00001, 100)])
+def test_vision_stays_accepted_for_ten_minutes_in_the_vehicles_own_time(clock_rate: float, seconds: float) -> None:
+    """PX4 believes the stamps after 50 s: they must be of its own clock, whatever that does."""
+    vehicle = VirtualVehicle(parameters=_GPS_DENIED, clock_rate=clock_rate)
+    vehicle.run(1.0)
+    vehicle.quiet()
+    vehicle.poses = 0.03
+    vehicle.run(seconds)
+    report = vehicle.px4.report(vehicle.clock.now_ns())
+    assert vehicle.px4.link.companion_clock.has_converged
+    assert report.vision > 9 * seconds and report.vision_dropped == 0
+    assert report.vision_age_s == pytest.approx(0.034, abs=0.015)
+    assert vehicle.state().estimator_healthy
+
+
+def test_poses_wait_until_the_vehicles_time_is_known() -> None:
+    vehicle = VirtualVehicle(parameters=_GPS_DENIED)
+    with pytest.raises(Exception, match="its own time is not known yet; ODOMETRY was not sent"):
+        vehicle._send_pose(0.0)
+    vehicle.run(0.3)
+    vehicle._send_pose(0.0)
+    offset_ns = vehicle.state().clock_offset_ns
+    assert offset_ns is not None
+    own_ns = vehicle.px4.link.clock.ns(vehicle.clock.now_ns())
+    assert vehicle.clock.now_ns() + offset_ns == pytest.approx(own_ns, abs=5_000_000)
+
+
+def test_estimator_is_healthy_at_rest_and_in_the_air_with_gps_and_without() -> None:
+    for parameters in ({}, _GPS_DENIED):
+        vehicle = VirtualVehicle(parameters=parameters)
+        vehicle.run(1.0)
+        vehicle.poses = 0.02
+        vehicle.run(2.0)
+        assert vehicle.state().estimator_healthy and not vehicle.state().in_air
+        vehicle.px4.commander.command_mode(Mode.TAKEOFF, vehicle.clock.now_ns())
+        vehicle.px4.commander.arm(vehicle.clock.now_ns())
+        vehicle.run(4.0)
+        assert vehicle.state().estimator_healthy and vehicle.state().in_air
+        vehicle.poses = None
+        vehicle.run(1.6)
+        assert vehicle.state().estimator_healthy is (not parameters), "nothing measures where it is"
+
+
+def test_a_restarted_vehicle_is_asked_again_at_once_and_its_old_state_is_forgotten() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.px4.order("battery 1 0.05")
+    vehicle.run(20.0)
+    before = vehicle.state()
+    assert before.battery_remaining == 0.05
+    vehicle.px4.order("battery 1 silent")
+    assert before.firmware == "1.16.1" and before.autopilot == "px4" and before.system_id == 1 and before.boots == 0
+    vehicle.px4.order("reboot 3")
+    vehicle.run(3.0)
+    restarted = vehicle.state()
+    assert restarted.boots == 1 and restarted.battery_remaining == 0.95 and restarted.batteries_unknown == ()
+    assert restarted.boot_ms is not None and restarted.boot_ms < 200
+    assert restarted.heartbeat_mono_ns is not None, "it is heard all the same"
+    vehicle.run(0.3)
+    after = vehicle.px4.link.received
+    assert after["COMMAND_LONG 511"] == 2 * 8, "each interval once more"
+    periods_ns = vehicle.px4.link.streams._period_ns
+    assert periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 50 and periods_ns["CURRENT_MODE"] == NS_PER_S // 20
+    vehicle.run(2.0)
+    assert vehicle.state().firmware == "1.16.1" and vehicle.state().mode is FlightMode.HOLD
+    told = [event.text for event in vehicle.edge.take_events()]
+    assert told == ["the autopilot has restarted: its clock is at 0.0 s again"]
+    offset_ns = vehicle.state().clock_offset_ns
+    assert offset_ns is not None
+    own_ns = vehicle.px4.link.clock.ns(vehicle.clock.now_ns())
+    assert vehicle.clock.now_ns() + offset_ns == pytest.approx(own_ns, abs=5_000_000)
+
+
+def test_intervals_that_were_lost_on_the_way_are_asked_for_again() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.px4.link.vanish()
+    vehicle.run(2.5)
+    vehicle.px4.link._off_until_ns = 0
+    vehicle.run(2.0)
+    assert vehicle.px4.link.streams._period_ns["CURRENT_MODE"] == NS_PER_S // 20
+    asked = vehicle.px4.link.received["COMMAND_LONG 511"]
+    vehicle.run(5.0)
+    assert vehicle.px4.link.received["COMMAND_LONG 511"] == asked, "answered: not again"
+
+
+def test_a_pause_of_our_clock_shows_in_the_vehicles() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(5.0)
+    assert vehicle.state().stood_still_ns == 0
+    vehicle.px4.link.clock._up_ns += 5 * NS_PER_S  # the host was suspended: its monotonic clock stood, PX4's did not
+    vehicle.run(0.3)
+    state = vehicle.state()
+    assert state.stood_still_ns == pytest.approx(5 * NS_PER_S, abs=NS_PER_S // 5) and state.boots == 0
+    assert any("our clock stood still" in event.text for event in vehicle.edge.take_events())
+    own_ns = vehicle.px4.link.clock.ns(vehicle.clock.now_ns())
+    assert vehicle.clock.now_ns() + (state.clock_offset_ns or 0) == pytest.approx(own_ns, abs=5_000_000)
+
+
+def test_announced_resets_become_an_offset_and_unannounced_motion_does_not() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(2.0)
+    vehicle.px4.order("reset 5 -1 0.5")
+    vehicle.run(0.2)
+    vehicle.px4.order("reset -2 0 0")
+    vehicle.run(0.2)
+    state = vehicle.state()
+    assert state.resets == 2 and state.p_reset_enu_m == pytest.approx((3.0, -1.0, 0.5), abs=0.01)
+    assert state.p_local_enu_m == pytest.approx((3.0, -1.0, 0.5), abs=0.1)
+
+
+def test_batteries_by_their_ids_and_ages() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.px4.order("battery 0 0.05")
+    vehicle.px4.order("battery 1 0.95")
+    vehicle.run(2.5)
+    assert vehicle.state().battery_remaining == 0.05 and vehicle.state().batteries_unknown == ()
+    vehicle.px4.order("battery 0 unknown")
+    vehicle.run(2.5)
+    assert vehicle.state().battery_remaining == 0.95 and vehicle.state().batteries_unknown == (0,)
+    vehicle.px4.order("battery 0 silent")
+    vehicle.px4.order("battery 1 silent")
+    told_ns = vehicle.state().battery_mono_ns
+    vehicle.run(6.0)
+    state = vehicle.state()
+    assert state.battery_remaining is None and state.batteries_unknown == (0, 1) and state.battery_mono_ns is not None
+    assert told_ns is not None and state.battery_mono_ns <= told_ns + NS_PER_S
+
+
+def test_an_origin_gives_a_vehicle_without_gps_its_global_position() -> None:
+    vehicle = VirtualVehicle(parameters=_GPS_DENIED)
+    vehicle.run(1.0)
+    vehicle.poses = 0.02
+    vehicle.run(1.0)
+    assert not vehicle.px4.commander.estimator.has_global_position
+    vehicle.edge.set_origin(47.4, 8.5)
+    vehicle.run(0.1)
+    assert vehicle.px4.commander.estimator.has_global_position
+    assert vehicle.px4.commander.estimator.origin_altitude_m == 0.0

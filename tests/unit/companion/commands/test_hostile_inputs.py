@@ -1,0 +1,269 @@
+"""Every command over what no command expects: one line and an exit code of 0, 1 or 2, never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from companion import cli
+from companion.cli import main
+from companion.core.streams import STREAMS
+from companion.log.reader import open_session
+from companion.log.writer import LogWriter
+from tests.golden.golden_logs import GOLDEN
+from tests.paths import CONFIGS
+
+_BYTES: Final = GOLDEN[0].read_bytes()
+_METADATA: Final = dict(open_session(GOLDEN[0]).metadata)
+_MOST_LINES: Final = 60
+_ABSENT: Final = "absent.sock"
+
+
+def _random(path: Path) -> None:
+    path.write_bytes(random.Random(1).randbytes(5000))
+
+
+def _log(path: Path, metadata: Mapping[str, str], data: bytes | None = None) -> None:
+    """A log of this program whose every message is `data`."""
+    with path.open("wb") as file:
+        writer = LogWriter(file, metadata)
+        for number, stream in enumerate(STREAMS if data is not None else ()):
+            assert data is not None
+            writer.copy(stream.topic, stream.encoding, ("", "", b""), (number, number), number, data)
+        writer.finish()
+
+
+def _outlying(path: Path) -> None:
+    """The golden flight with a message of 1970 before it and one of the year 2500 behind it."""
+    from companion.log.reader import LogScan
+    from companion.log.repair import copy
+
+    with path.open("wb") as file:
+        writer = LogWriter(file, _METADATA)
+        writer.copy("/csi", "raw", ("", "", b""), (1, 1), 0, b"\xbb")
+        for message in LogScan(GOLDEN[0]):
+            copy(writer, message)
+        writer.copy("/csi", "raw", ("", "", b""), (1 << 63, 1 << 63), 0, b"\xbb")
+        writer.finish()
+
+
+_MAKERS: Final[dict[str, Callable[[Path], object]]] = {
+    "empty": lambda path: path.write_bytes(b""),
+    "zeros": lambda path: path.write_bytes(bytes(5000)),
+    "random": _random,
+    "deep.json": lambda path: path.write_text("[" * 200_000),
+    "deep.yaml": lambda path: path.write_text("a: " + "[" * 6000),
+    "digits.yaml": lambda path: path.write_text("id: " + "9" * 5000),
+    "anchor.yaml": lambda path: path.write_text("a: &a [*a]\n"),
+    "latin1.yaml": lambda path: path.write_bytes(b"name: D\xfcsseldorf\n"),
+    "twice.yaml": lambda path: path.write_text((CONFIGS / "demo-uav.yaml").read_text() + "\nid: 3\n"),
+    "numbers.csv": lambda path: path.write_text("1e400,nan\n,,\n"),
+    "folder": lambda path: path.mkdir(),
+    "loop": lambda path: path.symlink_to(path.name),
+    "a[/raw]b].mcap": lambda path: path.write_bytes(_BYTES[:3000]),
+    ":boom: [copy].mcap": lambda path: path.write_bytes(_BYTES[:200_000]),
+    "cut-head.mcap": lambda path: path.write_bytes(_BYTES[:20]),
+    "no-head.mcap": lambda path: path.write_bytes(bytes(512) + _BYTES[512:200_000]),
+    "config-deep.mcap": lambda path: _log(path, _METADATA | {"config": "[" * 200_000}),
+    "config-list.mcap": lambda path: _log(path, _METADATA | {"config": "[1]"}),
+    "config-bad.mcap": lambda path: _log(path, _METADATA | {"config": '{"role": '}),
+    "clock-bad.mcap": lambda path: _log(path, _METADATA | {"wall_minus_mono_ns": "1e9"}, b"{}"),
+    "part-bad.mcap": lambda path: _log(path, _METADATA | {"part": "x"}),
+    "no-message.mcap": lambda path: _log(path, _METADATA),
+    "null.mcap": lambda path: _log(path, _METADATA, b"null"),
+    "list.mcap": lambda path: _log(path, _METADATA, b"[1]"),
+    "object.mcap": lambda path: _log(path, _METADATA, b'{"t_mono_ns": 1e300}'),
+    "bytes.mcap": lambda path: _log(path, _METADATA, bytes(range(256))),
+    "recording.mcap": lambda path: _log(path, {"role": "recording", "name": "x"}, b"\xff"),
+    "outlying.mcap": _outlying,
+}
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hostile")
+    for name, make in _MAKERS.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        make(folder / name)
+    with (folder / os.fsdecode(b"n\xe4me.mcap")).open("wb") as file:
+        file.write(_BYTES[:100_000])
+    return folder
+
+
+_CASES: Final = [*_MAKERS, os.fsdecode(b"n\xe4me.mcap"), "n" * 300, "absent", "folder/absent/absent"]
+
+_COMMANDS: Final[dict[str, list[list[str]]]] = {
+    "run": [["--config", "{}"]],
+    "engage": [["--socket", "{}"]],
+    "abort": [["--socket", "{}"]],
+    "status": [["--socket", "{}"]],
+    "feed": [["{}", "--unix", _ABSENT]],
+    "keygen": [["{}"]],
+    "doctor": [["radio", "--config", "{}"]],
+    "check-axes": [["--config", "{}"]],
+    "demo": [],
+    "analyze": [["{}", "--no-pictures"], ["--rx", "{}", "--tx", "{}", "--traj", "{}", "--channel", "108"]],
+    "evaluate": [["{}"]],
+    "study": [],
+    "log": [
+        ["info", "{}"],
+        ["repair", "{}", "--out", "{out}/saved.mcap"],
+        ["export", "{}", "--out", "{out}/export"],
+        ["merge", "{}", str(GOLDEN[0]), "--out", "{out}/merged.mcap"],
+        ["merge", str(GOLDEN[0]), "{}", "--out", "{out}/merged.mcap"],
+        ["merge", str(GOLDEN[0]), "--ulg", "{}", "--out", "{out}/merged.mcap"],
+        ["import", "{}", "--out", "{out}/imported"],
+    ],
+    "replay": [["{}"], [str(GOLDEN[0]), "--config", "{}"]],
+    "report": [["{}", "-o", "{out}/report.html"]],
+}
+"""With an input in the place of {}; `demo` and `study` read none, and are given outputs that cannot be."""
+
+_OUTPUTS: Final = [
+    ["demo", "--out", "{file}"],
+    ["demo", "--json", "{file}/x", "--out", "{out}/demo"],
+    ["study", "crb", "--out", "{file}", "--trials", "1"],
+    ["doctor", "radio", "--config", "{config}", "--json", "{file}/x"],
+    ["keygen", "{file}/x"],
+    ["log", "info", "{log}", "--json", "{file}/x"],
+    ["log", "repair", "{log}", "--out", "{file}/x"],
+    ["log", "repair", "{log}", "--out", "{long}"],
+    ["log", "export", "{log}", "--out", "{file}"],
+    ["log", "merge", "{log}", "{log}", "--out", "{file}/x"],
+    ["log", "import", "{out}", "--out", "{file}"],
+    ["replay", "{log}", "--out", "{file}"],
+    ["replay", "{log}", "--json", "{out}"],
+    ["report", "{log}", "-o", "{file}/x"],
+    ["report", "{log}", "-o", "{long}"],
+    ["report", "{log}", "-o", "{out}"],
+]
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Any]:
+    """Runs a command in this process, in an empty folder; its exit code and what it said of an error."""
+
+    def run(*arguments: str) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["companion", *arguments])
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, capsys.readouterr().err
+
+    return run
+
+
+def _argument_lists() -> Iterator[tuple[str, list[str]]]:
+    for command, lists in _COMMANDS.items():
+        for arguments in lists:
+            yield command, arguments
+
+
+def test_every_command_is_here() -> None:
+    assert set(_COMMANDS) == set(cli._COMMANDS)
+    assert {command for command, lists in _COMMANDS.items() if not lists} <= {arguments[0] for arguments in _OUTPUTS}
+
+
+@pytest.mark.parametrize("case", _CASES, ids=lambda case: ascii(case)[:40])
+@pytest.mark.parametrize(("command", "arguments"), list(_argument_lists()), ids=lambda value: "-".join(value)[:40])
+def test_what_cannot_be_read_is_told_in_words(
+    call: Callable[..., tuple[int, str]],
+    inputs: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    arguments: list[str],
+    case: str,
+) -> None:
+    if command in ("feed",):
+        monkeypatch.setattr("companion.commands.feed._PATIENCE_S", 0.0)
+    path = inputs / case
+    if command == "keygen" and case in ("absent", "n" * 300):
+        path = tmp_path / case  # it would be made
+    if case == "outlying.mcap" and command == "replay":
+        pytest.skip("a whole flight again, which the golden logs replay")
+    code, err = call(command, *(one.format(path, out=tmp_path) for one in arguments))
+    assert code in (0, 1, 2)
+    assert "Traceback" not in err
+    assert len(err.splitlines()) <= _MOST_LINES
+    assert (code == 0) or err.strip(), "an exit code without a word"
+    left = {one.name for one in tmp_path.iterdir()}
+    if code:
+        assert not {"saved.mcap", "merged.mcap", "export"} & left, "half of a result was left"
+    assert not [name for name in left if name.endswith(".part")]
+
+
+@pytest.mark.parametrize("arguments", _OUTPUTS, ids=lambda value: "-".join(value)[:50])
+def test_what_cannot_be_written_is_told_in_one_line(
+    call: Callable[..., tuple[int, str]], tmp_path: Path, arguments: list[str]
+) -> None:
+    (tmp_path / "file").write_text("a file")
+    shutil.copy(GOLDEN[0], tmp_path / "log.mcap")
+    places = {
+        "file": tmp_path / "file", "out": tmp_path, "log": tmp_path / "log.mcap",
+        "long": tmp_path / ("n" * 300), "config": CONFIGS / "demo-uav.yaml",
+    }  # fmt: skip
+    code, err = call(*(one.format(**places) for one in arguments))
+    assert code in (1, 2)
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) <= (4 if "Usage:" in err else 3)
+    assert (tmp_path / "file").read_text() == "a file"
+    assert {one.name for one in tmp_path.iterdir()} <= {"file", "log.mcap", "demo"}
+
+
+def test_names_are_shown_as_they_are(
+    call: Callable[..., tuple[int, str]], inputs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr("rich.console.Console.print", lambda self, text, **_: shown.append(str(text)))
+    assert call("log", "info", str(inputs / ":boom: [copy].mcap"))[0] == 0
+    assert ":boom: [copy].mcap" in shown[0]
+
+
+def test_only_one_module_makes_a_console() -> None:
+    """Any other would take names for markup."""
+    folder = Path(cli.__file__).parent / "commands"
+    makers = {path.name for path in folder.glob("*.py") if "import rich.console" in path.read_text() or
+              "from rich.console" in path.read_text()}  # fmt: skip
+    assert makers == {"terminal.py"}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_standard_output_is_told_in_one_line() -> None:
+    import subprocess
+
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "companion", "log", "info", str(GOLDEN[0])],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    (told,) = done.stderr.strip().splitlines()
+    assert told.endswith("No space left on device")
+
+
+def test_a_message_of_another_century_costs_a_report_no_memory(
+    call: Callable[..., tuple[int, str]], inputs: Path, tmp_path: Path
+) -> None:
+    code, err = call("report", str(inputs / "outlying.mcap"), "-o", str(tmp_path / "r.html"), "--json", "n.json")
+    assert code == 0, err
+    assert "2 messages of another time" in (tmp_path / "r.html").read_text()
+    assert json.loads((tmp_path / "n.json").read_text())
+
+
+def test_home_is_meant_by_a_tilde(
+    call: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert call("log", "info", str(GOLDEN[0]), "--json=~/info.json")[0] == 0
+    assert (tmp_path / "info.json").exists()
+    assert not (tmp_path / "~").exists()

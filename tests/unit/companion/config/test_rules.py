@@ -1,0 +1,62 @@
+"""Keys that must fit each other: each rule, broken alone, is told in one line that begins with its key."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from companion.config.file import load_config
+from companion.config.rules import config_errors
+from companion.config.schema import Config
+from tests.paths import CONFIGS
+
+UAV = load_config(CONFIGS / "demo-uav.yaml")
+assert UAV.autopilot is not None
+AUTOPILOT = UAV.autopilot
+
+
+def changed(part: str, **values: object) -> Config:
+    """The demo's flying robot with other values in one part."""
+    return replace(UAV, **{part: replace(getattr(UAV, part), **values)})
+
+
+def test_a_configuration_that_fits_has_no_errors() -> None:
+    assert config_errors(UAV) == []
+
+
+@pytest.mark.parametrize(
+    ("config", "expected"),
+    [
+        (changed("pose", source="recording"), "pose.recording: missing"),
+        (
+            replace(changed("pose", source="px4"), autopilot=replace(AUTOPILOT, forward_vio_hz=30.0)),
+            "autopilot.forward_vio_hz: the autopilot's own odometry",
+        ),
+        (changed("ping", enabled=True), "ping.enabled: needs csi.interface"),
+        (changed("mission", target=99), "mission.target: 99 is the id of no peer"),
+        (replace(UAV, id=UAV.peers[0].id), f"peers: id {UAV.peers[0].id} is this robot's own id"),
+        (replace(UAV, peers=UAV.peers * 2), f"peers: id {UAV.peers[0].id} stands twice"),
+        (changed("gate", min_height_m=1.45), "mission.takeoff_height_m: the vertical weave"),
+        (changed("gate", fence_max_m=(50.0, 50.0, 1.55)), "mission.takeoff_height_m: the vertical weave"),
+        (changed("autopilot", url="udp://:14540"), "autopilot.url: 'udp://:14540'"),
+        (changed("recorder", rotate_mb=5000.0), "recorder.rotate_mb"),
+        (changed("autopilot", gps=False, forward_vio_hz=0.0), "autopilot.forward_vio_hz: 0; expected 20 or more"),
+        (changed("pose", lost_s=4.1), "pose.lost_s: 4.1; expected 4 or less with autopilot.gps: false"),
+    ],
+)
+def test_a_broken_rule_names_its_key(config: Config, expected: str) -> None:
+    assert any(error.startswith(expected) for error in config_errors(config)), config_errors(config)
+
+
+def test_without_an_autopilot_nothing_can_come_from_it() -> None:
+    told = config_errors(replace(changed("pose", source="px4", north="autopilot"), autopilot=None))
+    assert [error.split(":")[0] for error in told] == ["autopilot", "pose.source", "pose.north"]
+
+
+def test_how_long_poses_may_be_silent_depends_on_who_else_knows_the_position() -> None:
+    assert (UAV.flies_by_poses, UAV.pose_lost_s) == (True, 3.0)
+    with_gps = replace(UAV, autopilot=replace(AUTOPILOT, gps=True))
+    assert (with_gps.flies_by_poses, with_gps.pose_lost_s) == (False, 8.0)
+    patient = replace(with_gps, pose=replace(UAV.pose, lost_s=20.0))
+    assert patient.pose_lost_s == 20.0 and config_errors(patient) == []

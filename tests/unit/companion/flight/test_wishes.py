@@ -1,0 +1,109 @@
+"""What a person asks: the answer is recorded, and only a granted wish reaches the mission."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.event_clock import EventClock
+from companion.core.inputs import Event, Wish
+from companion.core.messages import VehicleState
+from companion.flight.course import Course
+from companion.flight.rc_switch import RcSwitch
+from companion.flight.wishes import Wishes
+from tests.unit.companion.flight.kept import Kept
+
+_NOW_NS = 100 * NS_PER_S
+
+
+class _Engagement:
+    """Misses what a test says; reading parameters takes until it is let go."""
+
+    vehicle = "system 1, px4 1.16.1"
+
+    def __init__(self) -> None:
+        self.missing: list[str] = []
+        self.read = asyncio.Event()
+        self.read.set()
+
+    def not_ready(self) -> list[str]:
+        return list(self.missing)
+
+    async def parameter_problems(self) -> list[str]:
+        await self.read.wait()
+        return []
+
+
+class _Asked:
+    """The wishes of a mission, with what they are made of."""
+
+    def __init__(self) -> None:
+        self.clock, self.kept, self.engagement = ManualClock(_NOW_NS), Kept(), _Engagement()
+        clock = EventClock(self.clock)
+        self.course = Course(clock, self.kept)
+        self.beside: list[Coroutine[Any, Any, None]] = []
+        self.wishes = Wishes(
+            clock, self.kept, self.course, self.engagement, RcSwitch(1, 1700),  # type: ignore[arg-type]
+            lambda work, name: self.beside.append(work),
+        )  # fmt: skip
+
+    def switch(self, us: int, age_s: float = 0.0) -> None:
+        now_ns = self.clock.now_ns()
+        self.wishes.watch_switch(
+            VehicleState(t_mono_ns=now_ns, rc_mono_ns=now_ns - round(age_s * NS_PER_S), rc_us=(us,))
+        )
+
+
+async def test_an_engagement_that_is_granted_counts_at_the_next_tick() -> None:
+    asked = _Asked()
+    assert await asked.wishes.engage() == ""
+    assert [message for _, _, message in asked.kept.messages] == [
+        Wish(_NOW_NS, Event.ENGAGE, "", vehicle="system 1, px4 1.16.1")
+    ]
+    assert asked.course.worst([]) is Event.ENGAGE
+
+
+async def test_all_that_stands_against_it_is_told_and_nothing_happens() -> None:
+    asked = _Asked()
+    asked.engagement.missing = ["no poses", "no packets"]
+    assert await asked.wishes.engage() == "no poses; no packets"
+    assert asked.course.worst([]) is None
+    asked.course.step(Event.ENGAGE, _NOW_NS)
+    assert await asked.wishes.engage() == "the mission is preflight already"
+
+
+async def test_an_abort_while_parameters_are_read_stands_against_it() -> None:
+    asked = _Asked()
+    asked.engagement.read.clear()
+    engaging = asyncio.create_task(asked.wishes.engage())
+    await asyncio.sleep(0)
+    asked.wishes.abort()
+    asked.engagement.read.set()
+    assert await engaging == "it was aborted meanwhile"
+
+
+async def test_the_switch_engages_beside_the_loop_and_says_why_not() -> None:
+    asked = _Asked()
+    asked.engagement.missing = ["no poses"]
+    asked.switch(1100)
+    asked.switch(1900)
+    (work,) = asked.beside
+    await work
+    assert asked.kept.messages[-1][2] == Wish(
+        _NOW_NS, Event.ENGAGE, "no poses", by_switch=True, vehicle="system 1, px4 1.16.1"
+    )
+    assert asked.course.reason == "the switch did not engage: no poses"
+
+
+def test_the_switch_aborts_at_once_and_old_pulse_widths_say_nothing() -> None:
+    asked = _Asked()
+    asked.switch(1900)
+    asked.switch(1100, age_s=1.5)
+    asked.course.step(Event.ENGAGE, _NOW_NS)
+    assert asked.course.worst([]) is None
+    asked.switch(1900)
+    asked.switch(1100)
+    assert asked.course.worst([]) is Event.ABORT
+    assert asked.beside == []

@@ -1,0 +1,47 @@
+"""`companion log export`: what other tools read."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from companion.core.streams import CSI, POSE_IN
+from companion.log.reader import open_session
+from companion.log.writer import LogWriter
+from csi_bridge.dat import read_dat
+from tests.log_commands import FLIGHT, Run
+
+
+def test_export_of_a_merged_log_keeps_the_robots_apart(companion: Run, tmp_path: Path) -> None:
+    session = open_session(FLIGHT)
+    beacon = tmp_path / "beacon.mcap"
+    with beacon.open("wb") as file:
+        writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
+        for message in session.messages({CSI.topic}):
+            writer.write(CSI, message.log_time_ns, message.log_time_ns, message.sequence, message.data)
+        writer.finish()
+    assert companion("log", "merge", FLIGHT, beacon, "--out", tmp_path / "merged.mcap")[0] == 0
+    assert companion("log", "export", tmp_path / "merged.mcap", "--to", "dat", "--out", tmp_path / "x")[0] == 0
+    assert (tmp_path / "x" / "ground_csi.dat").read_bytes() == (tmp_path / "x" / "csi.dat").read_bytes()
+
+
+def test_export_gives_other_tools_what_they_read(companion: Run, tmp_path: Path) -> None:
+    code, _, err = companion("log", "export", FLIGHT, "--out", tmp_path / "x")
+    assert code == 0, err
+    session = open_session(FLIGHT)
+    tum = np.loadtxt(tmp_path / "x" / "pose.tum")
+    assert tum.shape == (sum(1 for _ in session.messages({POSE_IN.topic})), 8)
+    np.testing.assert_allclose(np.linalg.norm(tum[:, 4:], axis=1), 1.0, atol=1e-6)
+    log = read_dat(tmp_path / "x" / "csi.dat")
+    assert len(log) == sum(1 for _ in session.messages({CSI.topic}))
+    with (tmp_path / "x" / "bearing.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    assert abs(float(rows[0]["estimate.azimuth_rad"])) < np.pi
+    arrays = np.load(tmp_path / "x" / "log.npz")
+    packets = int(rows[0]["estimate.packets"])
+    assert arrays["aperture_0_chi_m"].shape == (packets, 3)
+    assert arrays["aperture_0_channel"].dtype == complex
+    assert arrays["pose"].shape == (len(tum), 10)

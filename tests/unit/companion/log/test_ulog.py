@@ -1,0 +1,65 @@
+"""PX4's own logs, whole and damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from companion.log.reader import open_session
+from companion.log.ulog import Ulog
+from tests.log_commands import FLIGHT, Run, write_ulog
+from tests.ulog_file import ulog_of
+
+
+def test_a_ulg_that_is_damaged_or_cut_gives_what_can_be_read_or_is_refused(companion: Run, tmp_path: Path) -> None:
+    ulg = tmp_path / "flight.ulg"
+    write_ulog(ulg, open_session(FLIGHT))
+    content = bytearray(ulg.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 300] = bytes(300)
+    ulg.write_bytes(content[: len(content) - 1_001])
+    code, text, err = companion("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "out.mcap")
+    assert code == 0, err
+    assert "damaged, what could be read" in text
+    assert "corruption" not in text  # the parser's own print
+    ulg.write_bytes(content[:16] + 10 * b"\1\0F " + b"\x05\0\0")  # the parser alone never ends
+    code, _, err = companion("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "none.mcap")
+    assert code == 1
+    assert "not a readable .ulg file: damaged" in err
+
+
+def test_single_damaged_rows_of_a_ulg_move_nothing_and_are_left_out(companion: Run, tmp_path: Path) -> None:
+    ulg = tmp_path / "flight.ulg"
+    write_ulog(ulg, open_session(FLIGHT))
+    row_s, row_m = Ulog(ulg).positions()
+    rows = [(round(1e6 * t), (n, e, -u)) for t, (e, n, u) in zip(row_s.tolist(), row_m.tolist(), strict=True)]
+    rows[40] = rows[40][0], (1e38, -1e4, 3.0)
+    ulg.write_bytes(
+        ulog_of([*rows, (rows[-1][0] + 5_000_000_000, (0, 0, 0)), (1 << 50, (0, 0, 0)), (1 << 63, (0, 0, 0))])
+    )
+    out = tmp_path / "out.mcap"
+    code, text, err = companion("log", "merge", FLIGHT, "--ulg", ulg, "--out", out)
+    assert code == 0, err
+    assert "positions agree to 0.0" in text
+    flight, px4 = (list(open_session(path).messages()) for path in (FLIGHT, out))
+    assert px4[-1].log_time_ns <= flight[-1].log_time_ns + 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("scale", "part", "why"),
+    [
+        (0.0, slice(None), "not of this flight"),
+        (1.0, slice(0, 40), "the vehicle moved 1.0 m where both logs could agree"),
+        (1.0, slice(0, 3), "it holds positions of 0.1 s, 1 are needed"),
+    ],
+)
+def test_a_ulg_that_could_be_of_any_time_is_refused(
+    companion: Run, tmp_path: Path, scale: float, part: slice, why: str
+) -> None:
+    ulg = tmp_path / "still.ulg"
+    write_ulog(ulg, open_session(FLIGHT), scale=scale, part=part)
+    code, _, err = companion("log", "merge", FLIGHT, "--ulg", ulg, "--out", tmp_path / "out.mcap")
+    assert code == 1
+    assert why in err
+    assert not (tmp_path / "out.mcap").exists()

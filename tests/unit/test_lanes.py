@@ -1,0 +1,65 @@
+"""How the suite is run: every lane's output is printed, one failure fails all, an interrupt ends everything."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from tests import lanes as suite
+from tests.lanes import Lane
+from tests.paths import ROOT
+
+
+def _python(name: str, code: str) -> Lane:
+    return Lane(name, (sys.executable, "-c", code))
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(suite, "_OUT", tmp_path)
+
+
+def test_every_module_of_real_time_is_in_one_lane() -> None:
+    words = [word for lane in suite.lanes() for word in lane.command if word.startswith("tests/sitl/")]
+    assert sorted(words) == sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests/sitl").glob("test_*.py"))
+
+
+def test_all_lanes_run_and_one_that_fails_fails_all(capsys: pytest.CaptureFixture[str]) -> None:
+    good, bad = _python("good", "print('said by one')"), _python("bad", "print('by the other'); raise SystemExit(3)")
+    assert suite.run([bad, good]) == 1
+    printed = capsys.readouterr().out
+    assert "said by one" in printed and "by the other" in printed
+    assert "bad FAILED (3)" in printed and "good passed" in printed
+    assert suite.run([good]) == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_every_lane_and_what_it_started(tmp_path: Path, number: signal.Signals) -> None:
+    program = textwrap.dedent(
+        f"""
+        import signal, sys
+        from pathlib import Path
+        from tests import lanes as suite
+        suite._OUT = Path({str(tmp_path)!r})
+        suite.lanes = lambda: [suite.Lane("a", ("sh", "-c", "echo $$; sleep 100 & echo $!; wait"))]
+        suite.main()
+        """
+    )
+    # Ignored, as a shell starts what it puts in the background.
+    command = ["env", "--ignore-signal=INT", sys.executable, "-c", program]
+    output = tmp_path / "a.txt"
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("a:")
+        while not output.is_file() or output.read_text().count("\n") < 2:
+            assert process.poll() is None
+        process.send_signal(number)
+        assert "interrupted" in process.stdout.read()
+    assert process.returncode == 130
+    for pid in output.read_text().split():
+        assert not Path(f"/proc/{pid}/exe").exists()

@@ -1,0 +1,36 @@
+"""The datagram that docs/wire.md shows byte by byte."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.neighbours import wire
+
+KEY = bytes(range(32))
+
+
+def example() -> wire.Datagram:
+    first = [[31, -31], [0, 1], [-1, 2], [5, -5], [0, 0], [10, -20], [30, -30], [1, 1]]
+    second = [[-31, 7], [3, 3], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [-2, 2]]
+    return wire.Datagram(
+        role=wire.Role.BEACON,
+        sender=2,
+        boot_id=7 << 32 | 0x1234ABCD,
+        counter=41,
+        sent_ns=5_000_000_000,
+        poses=wire.PoseBatch(
+            np.array([4_980_000_000, 5_000_000_000]),
+            np.array([[1.25, -0.5, 0.3], [1.26, -0.5, 0.3002]]),
+            np.array([3, 2], np.uint8),
+        ),
+        csi=wire.CsiBatch(
+            np.array([1000, 1001], np.uint32),
+            np.array([4_990_000_000, 4_998_200_000]),
+            np.array([4_294_967_000, 7904], np.uint32),
+            np.array([first, second], np.int8),
+            np.array([150, 160], np.uint8),
+            np.array([-52, -53], np.int8),
+            np.array([0, 2], np.uint8),
+        ),
+        echo=wire.Echo(1, 4_900_000, 20_000),
+    )
