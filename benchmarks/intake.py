@@ -27,6 +27,10 @@ from companion.radio.card import Radio
 from companion.sensing.window import SarWindow
 from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.message import decode_event, encode_event
+from csi_bridge.feitcsi.rate import Rate
+from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, FeitRecord
 from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
 from csi_bridge.records import CSI_CODE, CsiRecord
 from csi_bridge.source import CsiSource, SourceCounters
@@ -42,11 +46,13 @@ _KEY = bytes(32)
 
 @dataclass(frozen=True, slots=True)
 class Throughput:
-    """Records a second from file, microseconds for one on the live path (parsed, stamped, kept, paired), and for one
-    datagram of 15 channels and 5 poses: checked and unpacked."""
+    """Records a second from file; microseconds for one on the live path (parsed, stamped, kept, paired), for a report
+    of an AX card there (996 subcarriers on two chains, from its netlink message on), and for one datagram of 15
+    channels and 5 poses: checked and unpacked."""
 
     batch_per_s: float
     live_us: float
+    live_80mhz_us: float
     datagram_us: float
 
 
@@ -74,7 +80,17 @@ def throughput() -> Throughput:
         batch_s = best_s(lambda: read_dat(path))
     live_s, data = best_s(lambda: _take_all(bodies)), _datagram()
     datagram_s = best_s(lambda: [wire.decode(data, [_KEY]) for _ in range(_DATAGRAMS)])
-    return Throughput(_RECORDS / batch_s, 1e6 * live_s / len(bodies), 1e6 * datagram_s / _DATAGRAMS)
+    return Throughput(
+        batch_per_s=_RECORDS / batch_s,
+        live_us=1e6 * live_s / len(bodies),
+        live_80mhz_us=live_80mhz_us(),
+        datagram_us=1e6 * datagram_s / _DATAGRAMS,
+    )
+
+
+def live_80mhz_us() -> float:
+    events = [encode_event(encode_record(_report(number, number % 3))) for number in range(500)]
+    return 1e6 * best_s(lambda: _take_all([(FEITCSI_CODE, decode_event(event)) for event in events])) / len(events)
 
 
 def crowd(neighbours: int, seconds: float) -> Crowd:
@@ -211,6 +227,16 @@ def _record(number: int, neighbour: int) -> CsiRecord:
         agc=40, antenna_sel=(0b10_01_00, 0b01_10_00)[number % 2], rate=0x101,
         csi=(parts[0] + 1j * parts[1]).astype(np.complex64), layout=38, host_time_ns=NS_PER_S,
         mac=_mac(neighbour + 2), frame_count=number,
+    )  # fmt: skip
+
+
+def _report(number: int, neighbour: int) -> FeitRecord:
+    """HE, 80 MHz, both chains."""
+    parts = np.random.default_rng(number % 50).integers(-300, 300, (2, 996, 2, 1))
+    return FeitRecord(
+        ftm_ticks=number * 640_000, host_time_us=0, rssi_dbm=(-40, -42), mac=_mac(neighbour + 2),
+        timestamp_low_us=number * 2000, rate=Rate(4 << 8 | 2 << 11 | 0b11 << 14),
+        csi=(parts[0] + 1j * parts[1]).astype(np.complex64), header=bytes(HEADER_BYTES),
     )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "doctor": "what is not ready, and what to do about it",
     "check-axes": "move the vehicle by hand and see whether the axes are right",
     "demo": "a full simulated rendezvous",
+    "csi": "what a log of CSI holds, of whichever card",
     "analyze": "a bearing from a real recording",
     "evaluate": "bearings of a whole data set against its truth",
     "study": "what the paper derives or simulates, beside its own numbers",

@@ -56,7 +56,7 @@ class NetlinkSource:
         except OSError as error:
             self._socket.close()
             raise _refusal(f"joining connector group {connector_idx}", error) from None
-        _grow(self._socket, receive_buffer_bytes)
+        grow(self._socket, receive_buffer_bytes)
 
     @property
     def counters(self) -> SourceCounters:
@@ -128,7 +128,7 @@ class ConnectorProbe:
 
     def __init__(self) -> None:
         self._socket = _open()
-        _grow(self._socket, 4 << 20)
+        grow(self._socket, 4 << 20)
         self.heard: Counter[int] = Counter()
         """Records by connector index."""
         for group in CONNECTOR_GROUPS:
@@ -200,7 +200,8 @@ def _open() -> socket.socket:
     return opened
 
 
-def _grow(opened: socket.socket, receive_buffer_bytes: int) -> None:
+def grow(opened: socket.socket, receive_buffer_bytes: int) -> None:
+    """As large a receive buffer as is permitted."""
     try:
         opened.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer_bytes)
     except PermissionError:

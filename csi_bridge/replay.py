@@ -13,15 +13,19 @@ import numpy.typing as npt
 
 from csi_bridge.clock import median_of_five
 from csi_bridge.dat import Content, DatFileError, frame_offsets
+from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
+from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
 from csi_bridge.parser import HEADER, STAMP, body_shape
 from csi_bridge.records import CSI_CODE, CsiError
 
 _SHORTEST_SLEEP_S: Final = 0.0005
 _DISAGREE_S: Final = 0.5
+_FIRST_BYTES: Final = 1 << 16
+"""More than the largest report of an AX card, so that damage at the beginning does not hide one."""
 
 
 class Feeder(Protocol):
-    """NetlinkFeeder or UnixFeeder."""
+    """NetlinkFeeder, VendorEventFeeder or UnixFeeder."""
 
     def send(self, code: int, body: bytes) -> bool: ...
 
@@ -32,8 +36,8 @@ class Feeder(Protocol):
 class Tape:
     """Records (code, body) of a log in file order and when each reached the host, `t_s` (N,) [s], not decreasing.
 
-    Wall time where the driver recorded it (layouts 34 and 38), else the card's own clock from 0 on. An MPDU comes with
-    the CSI record behind it.
+    Wall time where the driver recorded it (layouts 34 and 38, FeitCSI where the logger knew it), else the card's own
+    clock from 0 on. An MPDU comes with the CSI record behind it.
     """
 
     path: Path
@@ -42,6 +46,11 @@ class Tape:
     is_wall_time: bool
     due_s: npt.NDArray[np.float64]
     """(N,) when to send each, from 0 on, spaced by the card's clock: the host's may have been set meanwhile."""
+
+    @property
+    def is_feitcsi(self) -> bool:
+        """Whether these are reports of an AX card."""
+        return self.records[0][0] == FEITCSI_CODE
 
     @property
     def duration_s(self) -> float:
@@ -54,7 +63,30 @@ class Tape:
 
 
 def read_tape(path: Path) -> Tape:
-    """Raises DatFileError for a file that is no log, or has no CSI records."""
+    """Of whichever card, by what the file holds. Raises DatFileError for one that is no log, or has no CSI records."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(_FIRST_BYTES)
+            if is_feitcsi(data):
+                data += file.read()
+    except OSError as error:
+        raise DatFileError(f"{path}: {error.strerror}") from None
+    if is_feitcsi(data) and (log := parse_log(data, path)).records:
+        return _feitcsi_tape(log, data)
+    return _connector_tape(path)
+
+
+def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
+    sizes = (HEADER_BYTES + 4 * record.csi.size for record in log.records)
+    records = tuple((FEITCSI_CODE, data[at : at + size]) for at, size in zip(log.offsets, sizes, strict=True))
+    host_s = np.array([record.host_time_us for record in log.records], np.float64) * 1e-6
+    stamps = np.array([record.timestamp_low_us for record in log.records], np.uint32)
+    is_wall = bool(np.all(host_s > 0))
+    due_s = _spaced(stamps, host_s if is_wall else None)
+    return Tape(log.path, records, np.maximum.accumulate(host_s) if is_wall else due_s, is_wall, due_s)
+
+
+def _connector_tape(path: Path) -> Tape:
     data, frames = frame_offsets(path)
     records = _Records(data, frames)
     stamps, host_s = np.zeros(len(records), np.uint32), np.full(len(records), np.nan)

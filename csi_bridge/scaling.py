@@ -18,6 +18,9 @@ HT_FLAG: Final = 1 << 8
 HT40_FLAG: Final = 1 << 11
 """Bits of the rate field (rate_n_flags of iwlwifi)."""
 _RSSI_OFFSET_DB: Final = 44
+_SPACING_HZ: Final = 312_500.0
+_INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
+_INDICES_40MHZ: Final = tuple(range(-58, 59, 4))
 _NO_NOISE: Final = -127
 _DEFAULT_NOISE_DBM: Final = -92
 # The transmitter shares its power among its streams: 2 take 3 dB. The CSI Tool counts 4.5 dB, not 4.8, for 3.
@@ -35,6 +38,11 @@ def is_40mhz(rate: int) -> bool:
 def are_40mhz(rates: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
     """`is_40mhz` of each (N,)."""
     return np.asarray(rates & HT40_FLAG != 0)
+
+
+def subcarrier_hz(rate: int) -> npt.NDArray[np.float64]:
+    """Frequencies (30,) of the subcarriers in a report at this rate, from the channel's centre."""
+    return np.array(_INDICES_40MHZ if is_40mhz(rate) else _INDICES_20MHZ, np.float64) * _SPACING_HZ
 
 
 def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:

@@ -1,4 +1,7 @@
-"""The connector's bytes over a Unix datagram socket: for machines where the netlink connector is not permitted."""
+"""A driver's bytes over a Unix datagram socket: for machines where its netlink is not permitted.
+
+Messages of the connector and vendor events of nl80211 may come in any order: each says itself what it is.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,15 @@ from pathlib import Path
 from typing import Final
 
 from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.feitcsi.message import decode_event, encode_event
+from csi_bridge.feitcsi.records import FEITCSI_CODE
+from csi_bridge.generic_netlink import is_generic
 from csi_bridge.records import CsiError
 from csi_bridge.source import SourceCounters
 
 UNIX_CONNECTOR_IDX: Final = 26
 """The connector index written into messages on a Unix socket, where there are no groups."""
-_DATAGRAM_BYTES: Final = 8192
+_DATAGRAM_BYTES: Final = 1 << 16
 
 
 class UnixSocketError(OSError):
@@ -58,7 +64,7 @@ class UnixSource:
                 break
             self._counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
             try:
-                records.append(decode_message(datagram, UNIX_CONNECTOR_IDX))
+                records.append(_decode(datagram))
             except CsiError:
                 self._counters = replace(self._counters, malformed=self._counters.malformed + 1)
         return records
@@ -79,7 +85,7 @@ class UnixFeeder:
     def send(self, code: int, body: bytes) -> bool:
         """False when nobody listens or the listener's buffer is full."""
         try:
-            self._socket.sendto(encode_message(UNIX_CONNECTOR_IDX, code, body), self._path)
+            self._socket.sendto(_encode(code, body), self._path)
         except (BlockingIOError, ConnectionRefusedError, FileNotFoundError):
             self.dropped += 1
             return False
@@ -87,6 +93,17 @@ class UnixFeeder:
 
     def close(self) -> None:
         self._socket.close()
+
+
+def _encode(code: int, body: bytes) -> bytes:
+    return encode_event(body) if code == FEITCSI_CODE else encode_message(UNIX_CONNECTOR_IDX, code, body)
+
+
+def _decode(datagram: bytes) -> tuple[int, bytes]:
+    """Raises CsiError."""
+    if is_generic(datagram):
+        return FEITCSI_CODE, decode_event(datagram)
+    return decode_message(datagram, UNIX_CONNECTOR_IDX)
 
 
 def is_listened_on(path: str | Path) -> bool:

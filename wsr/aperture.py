@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wsr.channel import SUBCARRIERS_20MHZ
 from wsr.displacement import relative_displacement
 from wsr.errors import ApertureError
+from wsr.ofdm import GRID_5300, Grid, grid, known
 
 MIN_PACKETS = 20
 MIN_LENGTH_WAVELENGTHS = 2.0
@@ -33,8 +33,10 @@ class Aperture:
     bearing is taken from; reference_t_s the mean time. Raises ApertureError when built from anything else.
 
     What an estimator may use beyond that, where the recording or the link has it: forward and reverse (M, S) complex64,
-    the channels of both directions over S subcarriers (30, or 1: only the channel centre), and nic_us (M, 2) float64,
-    the unwrapped microsecond stamps of our card and of the other's for each exchange.
+    the channels of both directions over S subcarriers, and nic_us (M, 2) float64, the unwrapped microsecond stamps of
+    our card and of the other's for each exchange. subcarrier_hz (S,) are the frequencies of the subcarriers from the
+    channel's centre; without them 30 are those of an Intel 5300 at 20 MHz, and a single one is the centre. half_turns:
+    each end's receive chain may turn by half a turn from packet to packet, as an AX card's does.
     """
 
     t_s: Array
@@ -46,6 +48,8 @@ class Aperture:
     forward: NDArray[np.complex64] | None = None
     reverse: NDArray[np.complex64] | None = None
     nic_us: Array | None = None
+    subcarrier_hz: Array | None = None
+    half_turns: bool = False
     _known_spread: list[tuple[Array, tuple[float, float, float]]] = field(default_factory=list, init=False, repr=False)
     """The principal axes and the extents along them, once they were asked for: estimators ask ten times."""
 
@@ -93,9 +97,23 @@ class Aperture:
             return
         # The kernels index both alike, and know the place of each subcarrier, unchecked.
         ours, theirs = self.forward.shape[1], self.reverse.shape[1]
-        if ours != theirs or ours not in (1, SUBCARRIERS_20MHZ.size):
-            expected = f"{SUBCARRIERS_20MHZ.size} of both, or 1"
+        try:
+            given = None if self.subcarrier_hz is None else grid(self.subcarrier_hz)
+        except ValueError as error:
+            raise ApertureError(str(error)) from None
+        wanted = (GRID_5300.size, 1) if given is None else (given.size,)
+        if ours != theirs or ours not in wanted:
+            expected = (
+                f"{' or '.join(map(str, wanted))} of both, as their frequencies are {'' if given else 'not '}given"
+            )
             raise ApertureError(f"forward has {ours} subcarriers and reverse {theirs}; expected {expected}")
+
+    @property
+    def grid(self) -> Grid:
+        """Of forward and reverse; of one subcarrier, the centre, where they are not given."""
+        if self.forward is None:
+            return known(1)
+        return known(self.forward.shape[1], None if self.subcarrier_hz is None else grid(self.subcarrier_hz))
 
     @property
     def packets(self) -> int:
@@ -155,6 +173,8 @@ def make_aperture(
     forward: NDArray[np.complex64] | None = None,
     reverse: NDArray[np.complex64] | None = None,
     nic_us: Array | None = None,
+    subcarrier_hz: Array | None = None,
+    half_turns: bool = False,
 ) -> Aperture:
     """Aperture from packet times (M,) in s, antenna positions (M, 3) in m and round-trip channels (M,).
 
@@ -189,6 +209,8 @@ def make_aperture(
         forward=None if forward is None else forward[order],
         reverse=None if reverse is None else reverse[order],
         nic_us=None if nic_us is None else nic_us[order],
+        subcarrier_hz=subcarrier_hz,
+        half_turns=half_turns,
     )
     needed = MIN_LENGTH_WAVELENGTHS * wavelength_m if min_length_m is None else min_length_m
     if aperture.extents_m[0] < needed:

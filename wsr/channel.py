@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wsr.ofdm import GRID_5300, INDICES_5300_20MHZ, UNIT_HZ, Grid, known
+
 SPEED_OF_LIGHT_M_S = 299_792_458.0
-SUBCARRIER_SPACING_HZ = 312_500.0
-SUBCARRIERS_20MHZ: NDArray[np.int64] = np.array([*range(-28, 0, 2), -1, *range(1, 28, 2), 28], np.int64)
-"""Indices (30,) of the subcarriers an Intel 5300 reports at 20 MHz: steps of two, but of one at -1 and 28."""
+SUBCARRIER_SPACING_HZ = UNIT_HZ
+SUBCARRIERS_20MHZ: NDArray[np.int64] = INDICES_5300_20MHZ
 CHANNELS_5GHZ = frozenset((*range(36, 65, 4), *range(100, 145, 4), *range(149, 178, 4)))
 """Numbers of the 20 MHz channels at 5 GHz."""
 _CENTRES_WIDE = frozenset(
@@ -43,21 +44,23 @@ def wavelength_m(channel: int) -> float:
     return SPEED_OF_LIGHT_M_S / channel_frequency_hz(channel)
 
 
-def centre_channel(csi: ArrayLike) -> Complex:
-    """Channel at the true centre frequency (subcarrier 0) from CSI (..., 30); shape (...), complex128.
+def centre_channel(csi: ArrayLike, grid: Grid | None = None) -> Complex:
+    """Channel at the true centre frequency (k = 0) from CSI (..., S) on `grid`, if None the 5300's; shape (...),
+    complex128.
 
-    The sampling offset of each packet is a delay, so a phase s k over the subcarrier index k, which must not reach the
-    result. s comes first from products of subcarriers two apart (no unwrapping, good to +-0.8 us), then from a few
+    The sampling offset of each packet is a delay, so a phase s k over the frequency k, which must not reach the
+    result. s comes first from products of subcarriers 625 kHz apart (no unwrapping, good to +-0.8 us), then from a few
     least-squares steps on what phase is left, weighted by power. The mean of the turned-back subcarriers is the value
     at k = 0. Weak subcarriers count little, and a packet that is all zero gives zero.
     """
     values = np.asarray(csi, np.complex128)
-    if values.shape[-1:] != (SUBCARRIERS_20MHZ.size,):
-        raise ValueError(f"CSI has shape {values.shape}; the last axis must be {SUBCARRIERS_20MHZ.size} subcarriers")
-    k = SUBCARRIERS_20MHZ.astype(np.float64)
-    two_apart = np.flatnonzero(np.diff(SUBCARRIERS_20MHZ) == 2)
-    lagged = np.sum(values[..., two_apart + 1] * values[..., two_apart].conj(), axis=-1)
-    slope = np.angle(lagged) / 2.0
+    size = (GRID_5300 if grid is None else grid).size
+    if values.shape[-1:] != (size,):
+        raise ValueError(f"CSI has shape {values.shape}; the last axis must be {size} subcarriers")
+    on = known(size, grid)
+    k = on.k
+    lagged = np.sum(values[..., on.second] * values[..., on.first].conj(), axis=-1)
+    slope = np.angle(lagged) / on.lag
     for _ in range(_SLOPE_STEPS):
         slope = slope + _remaining_slope(values * np.exp(-1j * slope[..., None] * k), k)
     return np.asarray((values * np.exp(-1j * slope[..., None] * k)).mean(axis=-1))
@@ -101,10 +104,10 @@ def pair_by_time(
 
 
 def strongest_antenna(csi: ArrayLike) -> int:
-    """Index of the receive antenna with the highest mean power in CSI (N, 30, R)."""
+    """Index of the receive antenna with the highest mean power in CSI (N, S, R)."""
     values = np.asarray(csi)
     if values.ndim != 3 or values.size == 0:
-        raise ValueError(f"CSI has shape {values.shape}; expected (packets, 30, antennas), none of them 0")
+        raise ValueError(f"CSI has shape {values.shape}; expected (packets, subcarriers, antennas), none of them 0")
     power = np.mean(np.square(np.abs(values)), axis=(0, 1))
     return int(np.argmax(power))
 
@@ -125,7 +128,7 @@ def bounded_amplitude(channel: ArrayLike) -> Complex:
 
 
 def _remaining_slope(turned: Complex, k: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least-squares slope (...) in rad per index of the phases (..., 30) about their mean, weighted by power."""
+    """Least-squares slope (...) in rad per index of the phases (..., S) about their mean, weighted by power."""
     power = np.square(np.abs(turned))
     total = np.maximum(power.sum(axis=-1, keepdims=True), np.finfo(np.float64).tiny)
     phase = np.angle(turned * turned.sum(axis=-1, keepdims=True).conj())

@@ -4,7 +4,7 @@ Through one reciprocal channel h both ends measure h times an unknown phase and 
 
     H_f = h exp(+j (a + b k) / 2),    H_r = h exp(-j (a + b k) / 2)
 
-over the subcarrier index k, once the common delay is left aside. a and b come from H_f H_r^*, so h is known but for its
+over the frequency k, once the common delay is left aside. a and b come from H_f H_r^*, so h is known but for its
 sign: h^2 = H_f H_r. With half the phase of the product a direction has half as many side lobes, noise of the two ends
 is averaged instead of multiplied, and several paths add up as fields do. The signs are chained from packet to packet.
 """
@@ -17,12 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.channel import SUBCARRIERS_20MHZ
 from wsr.kernel import compiled, phasor
-
-SUBCARRIERS = SUBCARRIERS_20MHZ.size
-TWO_APART = np.flatnonzero(np.diff(SUBCARRIERS_20MHZ) == 2)
-"""Positions whose next subcarrier is two steps on: 27 of 29."""
+from wsr.ofdm import Grid, known
 
 _LANES = 16
 _STEPS = 2
@@ -67,8 +63,9 @@ class Folded:
     """(M,) geometric mean of the two ends' amplitudes, in the receivers' own units."""
 
 
-def fold(forward: Complex64, reverse: Complex64) -> Folded:
+def fold(forward: Complex64, reverse: Complex64, grid: Grid | None = None) -> Folded:
     """The one-way channel from both directions (M, S)."""
+    on = known(forward.shape[1], grid)
     packets = len(forward)
     result = Folded(
         np.empty(forward.shape, np.complex64),
@@ -76,12 +73,13 @@ def fold(forward: Complex64, reverse: Complex64) -> Folded:
         np.empty(packets, np.complex64),
         np.empty(packets, np.float32),
     )
-    k = _indices(forward.shape[1])
     _fold(
         _parts(forward),
         _parts(reverse),
-        k,
-        _lags(forward.shape[1]),
+        _indices(on),
+        _lags(on),
+        on.step,
+        np.float32(on.lag),
         _parts(result.channel),
         result.reciprocity,
         result.centre,
@@ -90,30 +88,51 @@ def fold(forward: Complex64, reverse: Complex64) -> Folded:
     return result
 
 
-def without_delay(channel: NDArray[np.complexfloating], turn_rad: Array | None = None) -> Complex64:
-    """The same (M, S) with the delay of each packet's power centroid taken out, where S is 30, and each packet turned
-    by `turn_rad` (M,)."""
+def without_delay(
+    channel: NDArray[np.complexfloating], turn_rad: Array | None = None, grid: Grid | None = None
+) -> Complex64:
+    """The same (M, S) with the delay of each packet's power centroid taken out and each packet turned by `turn_rad`
+    (M,)."""
+    on = known(channel.shape[1], grid)
     result = np.array(channel, np.complex64, order="C")
     turns = np.zeros(len(channel)) if turn_rad is None else turn_rad
     _take_delay_out(
-        _parts(result), _indices(channel.shape[1]), _lags(channel.shape[1]), turns.astype(np.float32, order="C")
+        _parts(result), _indices(on), _lags(on), on.step, np.float32(on.lag), turns.astype(np.float32, order="C")
     )
     return result
 
 
 def chain(
-    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None = None
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
     """Signs (M,) of +-1 that make h continuous, which packets to keep, and the segment each belongs to.
 
     Between packets, the phase of h h_last^* over all subcarriers, less delay and less the phase that its smoothed rate
     predicts, says whether the sign flipped.
     """
-    parts, k = _parts(channel), _indices(channel.shape[1])
+    quarters, keep, segment = _chained(channel, t_s, p_m, limits, grid, 2)
+    return np.asarray(1.0 - quarters, np.float64), keep, segment
+
+
+def chain_quarters(
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    """As `chain` where each packet may be off by any of four quarter turns: how many (M,) to turn it by. What leaves a
+    sign unknown leaves a quarter turn unknown at half of it."""
+    halved = ChainLimits(limits.far_m / 2, limits.near_m / 2, math.cos(math.acos(limits.min_cosine) / 2), limits.gate)
+    return _chained(channel, t_s, p_m, halved, grid, 4)
+
+
+def _chained(
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None, roots: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    parts, on = _parts(channel), known(channel.shape[1], grid)
     return _chain(
         parts,
-        k,
-        _lags(channel.shape[1]),
+        _indices(on),
+        _lags(on),
+        on.step,
+        np.float32(on.lag),
         np.sqrt(np.square(parts).sum(axis=1)),
         np.ascontiguousarray(t_s, np.float64),
         np.ascontiguousarray(p_m, np.float64),
@@ -121,6 +140,7 @@ def chain(
         limits.near_m,
         limits.min_cosine,
         limits.gate,
+        roots,
     )
 
 
@@ -129,37 +149,39 @@ def _parts(channel: NDArray[np.complexfloating]) -> Array32:
     return np.ascontiguousarray(channel, np.complex64).view(np.float32)
 
 
-def _indices(subcarriers: int) -> Array32:
-    """Subcarrier indices (W,), with zeros behind them up to whole vector lanes; all zeros, so that no slope is seen,
-    where they are not the 30 of a 20 MHz channel."""
-    k = np.zeros(-(-subcarriers // _LANES) * _LANES, np.float32)
-    if subcarriers == SUBCARRIERS:
-        k[:subcarriers] = SUBCARRIERS_20MHZ
+def _indices(grid: Grid) -> Array32:
+    """Frequencies k (W,), with zeros behind them up to whole vector lanes."""
+    k = np.zeros(-(-grid.size // _LANES) * _LANES, np.float32)
+    k[: grid.size] = grid.k
     return k
 
 
-def _lags(subcarriers: int) -> Array32:
-    """(W,) 1 where the next subcarrier is two steps on, else 0."""
-    lags = np.zeros(_indices(subcarriers).size, np.float32)
-    if subcarriers == SUBCARRIERS:
-        lags[TWO_APART] = 1.0
+def _lags(grid: Grid) -> Array32:
+    """(W,) 1 where the subcarrier `step` positions on is a lag away, else 0."""
+    lags = np.zeros(_indices(grid).size, np.float32)
+    lags[grid.first] = 1.0
     return lags
 
 
 @compiled
-def _scratch(k: Array32) -> Array32:
-    """Zeros (W + 1,): what lies behind the subcarriers adds nothing to any sum."""
-    return np.zeros(k.size + 1, np.float32)
+def _scratch(k: Array32, step: int) -> Array32:
+    """Zeros (W + step,): what lies behind the subcarriers adds nothing to any sum."""
+    return np.zeros(k.size + step, np.float32)
 
 
 @compiled
-def _lag_slope(re: Array32, im: Array32, lags: Array32) -> np.float32:
-    """Phase per subcarrier index of re + j im (S,), from products of subcarriers two apart."""
+def _lag_slope(re: Array32, im: Array32, lags: Array32, step: int, lag: np.float32) -> np.float32:
+    """Phase per unit of k of re + j im (S,), from products of subcarriers a lag apart."""
     a = b = np.float32(0.0)
-    for s in range(lags.size):
-        a += lags[s] * (re[s + 1] * re[s] + im[s + 1] * im[s])
-        b += lags[s] * (im[s + 1] * re[s] - re[s + 1] * im[s])
-    return np.float32(np.arctan2(b, a) / np.float32(2.0))
+    if step == 1:  # a loop of its own, whose vectors lie where the compiler knows them
+        for s in range(lags.size):
+            a += lags[s] * (re[s + 1] * re[s] + im[s + 1] * im[s])
+            b += lags[s] * (im[s + 1] * re[s] - re[s + 1] * im[s])
+    else:
+        for s in range(lags.size):
+            a += lags[s] * (re[s + step] * re[s] + im[s + step] * im[s])
+            b += lags[s] * (im[s + step] * re[s] - re[s + step] * im[s])
+    return np.float32(np.arctan2(b, a) / lag)
 
 
 @compiled
@@ -185,13 +207,13 @@ def _sum(
 
 
 @compiled
-def _take_delay_out(channel: Array32, k: Array32, lags: Array32, turn: Array32) -> None:
+def _take_delay_out(channel: Array32, k: Array32, lags: Array32, step: int, lag: np.float32, turn: Array32) -> None:
     size = channel.shape[1] // 2
-    re, im, cosine, sine = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
+    re, im, cosine, sine = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
     for i in range(channel.shape[0]):
         for s in range(size):
             re[s], im[s] = channel[i, 2 * s], channel[i, 2 * s + 1]
-        _phasors(_lag_slope(re, im, lags), -turn[i], k, cosine, sine)
+        _phasors(_lag_slope(re, im, lags, step, lag), -turn[i], k, cosine, sine)
         for s in range(size):
             channel[i, 2 * s] = re[s] * cosine[s] - im[s] * sine[s]
             channel[i, 2 * s + 1] = re[s] * sine[s] + im[s] * cosine[s]
@@ -203,14 +225,22 @@ def _fold(
     reverse: Array32,
     k: Array32,
     lags: Array32,
+    step: int,
+    lag: np.float32,
     channel: Array32,
     reciprocity: Array32,
     centre: Complex64,
     amplitude: Array32,
 ) -> None:
     size, half = forward.shape[1] // 2, np.float32(0.5)
-    f_re, f_im, r_re, r_im = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
-    re, im, cosine, sine, away = _scratch(k), _scratch(k), _scratch(k), _scratch(k), _scratch(k)
+    f_re, f_im, r_re, r_im = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
+    re, im, cosine, sine, away = (
+        _scratch(k, step),
+        _scratch(k, step),
+        _scratch(k, step),
+        _scratch(k, step),
+        _scratch(k, step),
+    )
     for i in range(forward.shape[0]):
         power_f = power_r = np.float32(0.0)
         for s in range(size):
@@ -226,7 +256,7 @@ def _fold(
             r_re[s], r_im[s] = scale_r * r_re[s], scale_r * r_im[s]
             re[s] = f_re[s] * r_re[s] - f_im[s] * r_im[s]
             im[s] = f_re[s] * r_im[s] + f_im[s] * r_re[s]
-        a, b = _sum(re, im, _lag_slope(re, im, lags), k, cosine, sine)
+        a, b = _sum(re, im, _lag_slope(re, im, lags, step, lag), k, cosine, sine)
         centre[i] = complex(a / np.float32(size), b / np.float32(size))
 
         total = mean = np.float32(0.0)
@@ -241,7 +271,7 @@ def _fold(
         for s in range(k.size):
             away[s] = k[s] - mean
             spread += np.sqrt(re[s] * re[s] + im[s] * im[s]) * away[s] * away[s]
-        slope = _lag_slope(re, im, lags)
+        slope = _lag_slope(re, im, lags, step, lag)
         a, b = _sum(re, im, slope, k, cosine, sine)
         for _ in range(_STEPS):
             # Newton's step to the maximum of |sum ratio exp(-j slope k)|, with the curvature of phases that agree.
@@ -263,6 +293,8 @@ def _chain(
     h: Array32,
     k: Array32,
     lags: Array32,
+    step: int,
+    lag: np.float32,
     norm: Array32,
     t_s: Array,
     p_m: Array,
@@ -270,37 +302,43 @@ def _chain(
     near_m: float,
     min_cosine: float,
     gate: bool,
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+    roots: int,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     packets, size = h.shape[0], h.shape[1] // 2
-    sign = np.ones(packets)
+    quarters = np.zeros(packets, np.int64)
     keep = np.ones(packets, np.bool_)
     segment = np.zeros(packets, np.int64)
-    re, im, cosine, sine = _scratch(k), _scratch(k), _scratch(k), _scratch(k)
-    rate, last, current, number, skipped = 0.0, 0, 1.0, 0, 0
+    re, im, cosine, sine = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
+    rate, last, current, number, skipped = 0.0, 0, 0, 0, 0
     for i in range(1, packets):
         for s in range(size):
             re[s] = h[i, 2 * s] * h[last, 2 * s] + h[i, 2 * s + 1] * h[last, 2 * s + 1]
             im[s] = h[i, 2 * s + 1] * h[last, 2 * s] - h[i, 2 * s] * h[last, 2 * s + 1]
-        a, b = _sum(re, im, _lag_slope(re, im, lags), k, cosine, sine)
+        a, b = _sum(re, im, _lag_slope(re, im, lags, step, lag), k, cosine, sine)
         q = complex(a, b)
         likeness = abs(q) / max(norm[i] * norm[last], 1e-12)
         q /= max(abs(q), 1e-12)
         dt = max(t_s[i] - t_s[last], 1e-4)
         q *= np.exp(-1j * rate * dt)
-        cosine_q = q.real
-        if gate and abs(cosine_q) < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
+        if roots == 4:
+            # The root that fits best comes first; what is left is within an eighth of a turn.
+            turned = int(np.rint(np.arctan2(q.imag, q.real) / (0.5 * math.pi)))
+            q *= np.exp(-0.5j * math.pi * turned)
+        else:
+            turned = 0 if q.real >= 0 else 2
+            q = q if q.real >= 0 else -q
+        if gate and q.real < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
             keep[i] = False
             skipped += 1
             continue
         moved2 = 0.0
         for axis in range(3):
             moved2 += (p_m[i, axis] - p_m[last, axis]) ** 2
-        if moved2 > far_m**2 or (moved2 > near_m**2 and abs(cosine_q) * likeness < min_cosine):
+        if moved2 > far_m**2 or (moved2 > near_m**2 and q.real * likeness < min_cosine):
             number += 1
-            current, rate = 1.0, 0.0
+            current, rate = 0, 0.0
         else:
-            if cosine_q < 0:
-                current, q = -current, -q
+            current = (current - turned) % 4
             rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt
-        sign[i], segment[i], last, skipped = current, number, i, 0
-    return sign, keep, segment
+        quarters[i], segment[i], last, skipped = current, number, i, 0
+    return quarters, keep, segment

@@ -24,12 +24,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.channel import SUBCARRIER_SPACING_HZ
 from wsr.kernel import compiled, phasors
-from wsr.reciprocity import SUBCARRIERS, TWO_APART
+from wsr.ofdm import LAG, UNIT_HZ, Grid
 
 _MAX_DELAY_NS = 60.0
-_DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * 2 * SUBCARRIER_SPACING_HZ)
+_DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * LAG * UNIT_HZ)
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -56,7 +55,7 @@ class SubApertures:
     """(2, S, B): real and imaginary parts."""
     wavelength_m: float
     lag: NDArray[np.complex64]
-    """(S, S): sum over neighbouring subcarriers of their product, as a form in y. (0, 0) without delays."""
+    """(S, S): sum over subcarriers a lag apart of their product, as a form in y. (0, 0) without delays."""
     cuts: Indices
     """(C + 1,) first bin of each run, and B. Runs are never split."""
     pieces: Indices
@@ -82,12 +81,13 @@ def sub_apertures(
     scales: Sequence[int],
     resign: bool = True,
     share: float = 1.0,
+    grid: Grid | None = None,
 ) -> SubApertures:
     """Bins p (B, 3), h (B, S) with the number of each one's segment (B,), cut at each of `scales` into so many parts.
 
-    `wavelength_m` is of the phase: half of the carrier's for the round-trip product. With a `share` under 1 the
-    subcarriers are reduced to the fewest combinations that hold this share of the power: paths differ by tens of
-    nanoseconds, so few of 30 subcarriers over 18 MHz are independent, and the rest is noise.
+    Without a `grid` of the subcarriers there are no delays. `wavelength_m` is of the phase: half of the carrier's for
+    the round-trip product. With a `share` under 1 the subcarriers are reduced to the fewest combinations that hold this
+    share of the power: paths differ by tens of nanoseconds, so few subcarriers are independent, and the rest is noise.
     """
     bins = len(p_m)
     basis = _basis(channel, share)
@@ -100,7 +100,7 @@ def sub_apertures(
         np.ascontiguousarray(x.T, np.float32),
         np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
         wavelength_m,
-        _lag_form(channel.shape[1], basis),
+        _lag_form(grid, basis),
         np.append(cuts, bins),
         _pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign),
         float((np.abs(channel) ** 2).sum(axis=1).mean()),
@@ -121,7 +121,7 @@ def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay
 
 
 def delay_weight(phase_rad: Array32, delay_ns: float) -> Array32:
-    """exp(-delay / `delay_ns`) for phases of the product of subcarriers two apart, which the delay turns; any shape."""
+    """exp(-delay / `delay_ns`) for phases, of any shape, of the product of subcarriers a lag apart."""
     late_ns = np.minimum(np.maximum(phase_rad * _DELAY_NS_PER_RAD, -_MAX_DELAY_NS), _MAX_DELAY_NS)
     weight: Array32 = np.exp(late_ns * (-1.0 / delay_ns))
     return weight
@@ -136,12 +136,12 @@ def _basis(channel: Complex, share: float) -> Complex | None:
     return np.asarray(vectors[:, ::-1][:, : int(np.searchsorted(held, share)) + 1])
 
 
-def _lag_form(subcarriers: int, basis: Complex | None) -> NDArray[np.complex64]:
-    """Q with sum_s y(s + 2) y(s)^* = sum_ab z_a z_b^* Q_ab where y = B z."""
-    if subcarriers != SUBCARRIERS:
+def _lag_form(grid: Grid | None, basis: Complex | None) -> NDArray[np.complex64]:
+    """Q with sum_k y(k + lag) y(k)^* = sum_ab z_a z_b^* Q_ab where y = B z."""
+    if grid is None or not grid.first.size:
         return np.zeros((0, 0), np.complex64)
-    full = np.eye(SUBCARRIERS, dtype=np.complex128) if basis is None else basis
-    return np.asarray(full[TWO_APART + 1].T @ full[TWO_APART].conj(), np.complex64)
+    full = np.eye(grid.size, dtype=np.complex128) if basis is None else basis
+    return np.asarray(full[grid.second].T @ full[grid.first].conj(), np.complex64)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""`companion feed`: a recorded CSI log into the kernel's connector, as the driver would report it."""
+"""`companion feed`: a recorded CSI log into the kernel's netlink, as the driver would report it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from companion.commands.output_files import write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.errors import CompanionError
 from csi_bridge.dat import DatFileError
+from csi_bridge.feitcsi.netlink import VendorEventFeeder, port_has_listener, vendor_events_available
 from csi_bridge.netlink import (
     DEFAULT_CONNECTOR_IDX,
     NetlinkError,
@@ -41,7 +42,7 @@ _PATIENCE_S: Final = 3.0
     type=click.IntRange(1, 32),
     default=DEFAULT_CONNECTOR_IDX,
     show_default=True,
-    help="Netlink connector group of the service.",
+    help="csi.connector_idx of the service: its connector group, or, for an AX card's log, its generic netlink port.",
 )
 @click.option("--unix", "unix_path", type=click.Path(path_type=Path), help="Instead, the service's CSI socket.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
@@ -52,13 +53,16 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
     """
     try:
         tape = read_tape(file)
-        feeder: Feeder = NetlinkFeeder(connector_idx) if unix_path is None else UnixFeeder(unix_path)
+        netlink = VendorEventFeeder if tape.is_feitcsi else NetlinkFeeder
+        feeder: Feeder = netlink(connector_idx) if unix_path is None else UnixFeeder(unix_path)
     except DatFileError as error:
         raise CompanionError(str(error)) from None
     except NetlinkError as error:
         raise _no_connector(connector_idx, error) from None
     if unix_path is not None:
         _await(lambda: is_listened_on(unix_path), f"{unix_path}: no service listens there", "csi.source: unix")
+    elif tape.is_feitcsi:
+        _await_port(connector_idx)
     else:
         if group_has_listener(connector_idx) is False and (reason := connector_available(connector_idx)) is not None:
             raise CompanionError(f"connector {connector_idx}: {reason}; --unix SOCKET works without")
@@ -90,6 +94,13 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
         raise CompanionError(
             f"{file}: none of its {sent} records was taken: the receiver is gone, or its buffer is full"
         )
+
+
+def _await_port(idx: int) -> None:
+    if port_has_listener(idx) is False and (reason := vendor_events_available(idx)) is not None:
+        raise CompanionError(f"generic netlink {idx}: {reason}; --unix SOCKET works without")
+    wanted = f"csi.source: nl80211 and csi.connector_idx: {idx}"
+    _await(lambda: port_has_listener(idx) is not False, f"generic netlink {idx}: no service listens there", wanted)
 
 
 def _await(is_there: Callable[[], bool], what: str, wanted: str) -> None:

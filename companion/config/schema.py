@@ -42,18 +42,21 @@ Metres3 = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class CsiConfig:
-    """The radio card. `netlink` reads the patched driver; `unix` reads the same bytes from a datagram socket."""
+    """The radio card. `netlink` reads the Intel 5300's driver; `nl80211` that of an AX200 or AX210 (FeitCSI; hardware
+    unverified); `unix` reads the same bytes of either from a datagram socket."""
 
     channel: WifiChannel
     """WiFi channel in the 5 GHz band (`wsr.channel.CHANNELS_5GHZ`); sets the wavelength."""
-    source: Literal["netlink", "unix"] = "netlink"
+    source: Literal["netlink", "nl80211", "unix"] = "netlink"
     connector_idx: Annotated[int, Meta(ge=1, le=32)] = 26
-    """Netlink connector index of the driver: 26 on Linux 4.15, 25 on older kernels."""
+    """Netlink connector index of the driver: 26 on Linux 4.15, 25 on older kernels. With `nl80211` only the number by
+    which `companion feed` finds the service."""
     require_kernel_sender: bool = True
-    """Refuse records that another process sent to the connector group. Only a simulation turns this off."""
+    """Refuse records that another process sent. Only a simulation turns this off."""
     socket: str = "csi.sock"
     interface: str | None = None
-    """The card's monitor interface, for example mon0: pings are sent there, and `doctor radio` looks at it."""
+    """The card's monitor interface, for example mon0: pings are sent there, `doctor radio` looks at it, and `nl80211`
+    asks for its reports."""
     receive_buffer_bytes: Annotated[int, Meta(ge=65536)] = 4 << 20
 
 

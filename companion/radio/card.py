@@ -10,6 +10,9 @@ import numpy.typing as npt
 
 from companion.core.clock import Clock
 from csi_bridge.clock import NicClock
+from csi_bridge.feitcsi.channel import thinned
+from csi_bridge.feitcsi.parser import parse_record
+from csi_bridge.feitcsi.records import FEITCSI_CODE, TICKS_PER_US, FeitRecord
 from csi_bridge.parser import parse_body
 from csi_bridge.records import SUBCARRIERS, CsiError, CsiRecord
 from csi_bridge.scaling import is_40mhz, total_rss_dbm, without_spatial_mapping
@@ -22,8 +25,8 @@ ANTENNAS = 3
 class ChannelSample:
     """The channel of one packet, of its first transmit antenna.
 
-    `csi` (30, 3) complex64 in counts of the card by antenna A, B, C, zero where the card has none; `power_dbm` received
-    over all antennas.
+    `csi` (S, R) complex64 in counts of the card by antenna A, B, C, zero where a record lacks one of them; `power_dbm`
+    received over all antennas.
     """
 
     peer: int
@@ -34,6 +37,12 @@ class ChannelSample:
     nic_us: int
     csi: npt.NDArray[np.complex64]
     power_dbm: float
+    subcarrier_hz: npt.NDArray[np.float64] | None = None
+    """(S,) from the channel's centre; None for the 30 of an Intel 5300 at 20 MHz."""
+    fine_us: float | None = None
+    """When the packet came on the card's fine clock of 3.125 ns, where it has one; wraps every 13.4 s."""
+    half_turns: bool = False
+    """Whether the sign of each antenna's channel is random in every packet."""
 
 
 @dataclass(slots=True)
@@ -50,7 +59,7 @@ class RadioCounters:
     wide: int = 0
     """Records of 40 MHz: estimates are made from 20 MHz only."""
     no_counter: int = 0
-    """Records of layout 34, paired by time."""
+    """Records of layout 34 and of AX cards, paired by time."""
     lost: int = 0
     """Records the driver counted and we never saw, from gaps in its own 16-bit count: lost on the way, or never
     reported, as a beacon's driver does not report the frames meant for other robots though it counts them."""
@@ -93,12 +102,14 @@ class Radio:
         for code, body in bodies:
             self._on_record(now_ns, code, body)
             try:
-                record = parse_body(code, body)
+                record = parse_record(body) if code == FEITCSI_CODE else parse_body(code, body)
             except CsiError:
                 self.counters.malformed += 1
                 continue
             if isinstance(record, CsiRecord):
                 self._take(record, now_ns)
+            elif isinstance(record, FeitRecord):
+                self._take_feitcsi(record, now_ns)
             elif record is None:
                 self.counters.unknown_code += 1
 
@@ -131,6 +142,35 @@ class Radio:
         )
         self._on_sample(sample)
 
+    def _take_feitcsi(self, record: FeitRecord, now_ns: int) -> None:
+        """Such a card counts neither packets nor what it lost."""
+        self.counters.records += 1
+        self.record_ns = now_ns
+        resets = self.nic_clock.resets
+        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
+        self.counters.restarts += self.nic_clock.resets != resets
+        self.rssi_dbm = (*(float(power) if power else None for power in record.rssi_dbm), None)
+        peer = self._peers.get(record.mac)
+        if peer is None:
+            self.counters.unknown_sender += 1
+            return
+        self.counters.no_counter += 1
+        self.counters.samples += 1
+        channel, subcarrier_hz = thinned(record)
+        self._on_sample(
+            ChannelSample(
+                peer,
+                None,
+                t_mono_ns,
+                record.timestamp_low_us,
+                _two_antennas(channel[:, :, 0], record.antennas),
+                record.power_dbm,
+                subcarrier_hz,
+                record.ftm_ticks / TICKS_PER_US,
+                half_turns=True,
+            )
+        )
+
     def _count_losses(self, bfee_count: int, clock_reset: bool) -> None:
         if self._bfee_count is not None:
             if clock_reset:
@@ -138,6 +178,14 @@ class Radio:
             else:
                 self.counters.lost += (bfee_count - self._bfee_count - 1) % 65536
         self._bfee_count = bfee_count
+
+
+def _two_antennas(csi: npt.NDArray[np.complex64], antennas: tuple[int, ...]) -> npt.NDArray[np.complex64]:
+    if antennas == (0, 1):
+        return csi
+    values = np.zeros((len(csi), 2), np.complex64)
+    values[:, list(antennas)] = csi
+    return values
 
 
 def _by_antenna(record: CsiRecord) -> npt.NDArray[np.complex64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from companion.config.schema import Config
 from companion.errors import CompanionError
+from csi_bridge.feitcsi.netlink import VendorEventSource
 from csi_bridge.netlink import NetlinkError, NetlinkSource
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixSocketError, UnixSource
@@ -15,6 +16,10 @@ def open_csi(config: Config) -> CsiSource:
     try:
         if csi.source == "unix":
             return UnixSource(config.path(csi.socket), csi.receive_buffer_bytes)
+        if csi.source == "nl80211":
+            return VendorEventSource(
+                csi.interface, csi.require_kernel_sender, csi.receive_buffer_bytes, csi.connector_idx
+            )
         return NetlinkSource(csi.connector_idx, csi.require_kernel_sender, csi.receive_buffer_bytes)
     except (NetlinkError, UnixSocketError) as error:
         raise CompanionError(f"csi.source {csi.source}: {error.strerror}") from None

@@ -21,6 +21,8 @@ class Beacon:
         self._antenna = 0
 
     def add_sample(self, sample: ChannelSample) -> None:
+        if sample.subcarrier_hz is not None:
+            return  # a datagram carries channels of a 5300's subcarriers (docs/wire.md)
         csi = sample.csi
         power = np.einsum("sa,sa->a", csi, csi.conj()).real
         self._power += (power - self._power) * (_SMOOTHING if self._power.any() else 1.0)

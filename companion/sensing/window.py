@@ -62,12 +62,15 @@ class ApertureReport:
 
 
 class _Heard:
-    """Packets of one peer: counter, NIC stamp and time, and their channels in counts of the card (half precision keeps
-    its whole numbers exactly). Rows are ordered by when they were read."""
+    """Packets of one peer over one grid of subcarriers: counter, NIC stamp and time, and their channels in counts of
+    the card (half precision keeps a 5300's whole numbers exactly). Rows are ordered by when they were read."""
 
-    def __init__(self) -> None:
+    def __init__(self, like: ChannelSample) -> None:
         self.stamps = History(_SAMPLE_CAPACITY, 3)
-        self.csi = History(_SAMPLE_CAPACITY, SUBCARRIERS * ANTENNAS * 2, np.float16)
+        self.csi = History(_SAMPLE_CAPACITY, like.csi.size * 2, np.float16)
+        self.shape = like.csi.shape
+        self.subcarrier_hz = like.subcarrier_hz
+        self.half_turns = like.half_turns
 
     def add(self, sample: ChannelSample) -> None:
         newest = self.stamps.newest_ns
@@ -99,7 +102,7 @@ class SarWindow:
         self._min_packets = min_packets
         self._max_pose_gap_s = max_pose_gap_s
         self._poses = History(_POSE_CAPACITY, 7)
-        self._heard: dict[int, _Heard] = {}
+        self._heard: dict[int, dict[bytes, _Heard]] = {}
         self._nic_clock = nic_clock
 
     def add_pose(self, pose: Pose) -> None:
@@ -107,9 +110,11 @@ class SarWindow:
         self._poses.append(pose.t_mono_ns, (*pose.p_enu_m, *pose.q_enu_from_body))
 
     def add_sample(self, sample: ChannelSample) -> None:
-        if sample.peer not in self._heard:
-            self._heard[sample.peer] = _Heard()
-        self._heard[sample.peer].add(sample)
+        heard = self._heard.setdefault(sample.peer, {})
+        on = b"" if sample.subcarrier_hz is None else sample.subcarrier_hz.tobytes()
+        if on not in heard:
+            heard[on] = _Heard(sample)
+        heard[on].add(sample)
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         """Length of the antenna's path, sampled at 20 Hz so that pose jitter does not count as motion."""
@@ -142,17 +147,25 @@ class SarWindow:
         return t_ns, antenna_positions(rows[:, :3], rows[:, 3:], self._antenna_m)
 
     def _forward(self, peer: int, start_ns: int, end_ns: int) -> _Forward:
-        heard = self._heard.get(peer)
-        if heard is None:
-            return _Forward(*(np.zeros(0, np.int64),) * 3, np.zeros((0, SUBCARRIERS, ANTENNAS), np.complex64))
+        """Of the grid that most packets of that time have."""
+        found = [self._forward_on(heard, start_ns, end_ns) for heard in self._heard.get(peer, {}).values()]
+        nothing = _Forward(*(np.zeros(0, np.int64),) * 3, np.zeros((0, SUBCARRIERS, ANTENNAS), np.complex64))
+        return max(found, key=lambda forward: len(forward.t_ns), default=nothing)
+
+    def _forward_on(self, heard: _Heard, start_ns: int, end_ns: int) -> _Forward:
         margin = (start_ns - _REMAP_NS, end_ns + _REMAP_NS)
         _, stamps = heard.stamps.between(*margin)
         _, parts = heard.csi.between(*margin)
         t_ns = self._times(stamps)
         inside = (t_ns >= start_ns) & (t_ns <= end_ns)
-        csi = parts[inside].astype(np.float32).view(np.complex64).reshape(-1, SUBCARRIERS, ANTENNAS)
+        csi = parts[inside].astype(np.float32).view(np.complex64).reshape(-1, *heard.shape)
         return _Forward(
-            t_ns[inside], stamps[inside, _FRAME].astype(np.int64), stamps[inside, _NIC].astype(np.int64), csi
+            t_ns[inside],
+            stamps[inside, _FRAME].astype(np.int64),
+            stamps[inside, _NIC].astype(np.int64),
+            csi,
+            heard.subcarrier_hz,
+            heard.half_turns,
         )
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
@@ -169,6 +182,9 @@ class SarWindow:
         """The aperture and the peer's positions (M, 3) at its packets. Raises ApertureError."""
         if not len(forward.t_ns):
             raise ApertureError(f"no packets of {neighbour.name} were heard")
+        if forward.subcarrier_hz is not None:
+            # The datagram's coefficients are of a 5300's subcarriers (docs/wire.md).
+            raise ApertureError(f"datagrams carry channels of 20 MHz, {neighbour.name} was heard over another band")
         reverse = neighbour.channels_since(start_ns - _REVERSE_LEAD_NS)
         usable = np.flatnonzero(reverse.antenna == _most_common(reverse.antenna))
         if neighbour.counted:
@@ -218,12 +234,15 @@ class SarWindow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Forward:
-    """Packets of a neighbour within an aperture: times (N,) [ns], counters, stamps [us], csi (N, 30, 3)."""
+    """Packets of a neighbour within an aperture: times (N,) [ns], counters, stamps [us], csi (N, S, R) on
+    `subcarrier_hz` (S,), None for the 30 of a 5300."""
 
     t_ns: Times
     frame: Times
     nic_us: Times
     csi: npt.NDArray[np.complex64]
+    subcarrier_hz: npt.NDArray[np.float64] | None = None
+    half_turns: bool = False
 
 
 def _pair_by_time(

@@ -79,9 +79,9 @@ class VioScenario:
 
 @dataclass(frozen=True, slots=True)
 class CsiEndpoint:
-    """Where a robot's records go: a netlink connector group, or a Unix datagram socket."""
+    """Where a robot's records go: a connector group, a generic netlink port, or a Unix datagram socket."""
 
-    transport: Literal["netlink", "unix"]
+    transport: Literal["netlink", "nl80211", "unix"]
     connector_idx: Annotated[int, Meta(ge=1, le=32)] = 26
     path: str = ""
     """Of the Unix socket; the service binds it."""

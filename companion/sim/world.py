@@ -26,6 +26,7 @@ from companion.sim import truth
 from companion.sim.environment import Sample, World
 from companion.sim.scenario import CsiEndpoint, Scenario, load_scenario
 from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.netlink import VendorEventFeeder
 from csi_bridge.netlink import NetlinkError, NetlinkFeeder
 from csi_bridge.records import CSI_CODE
 from csi_bridge.unix_socket import UnixFeeder
@@ -139,7 +140,8 @@ def _feeder(endpoint: CsiEndpoint) -> CsiFeeder:
     if endpoint.transport == "unix":
         return UnixFeeder(endpoint.path)
     try:
-        return NetlinkFeeder(endpoint.connector_idx)
+        feeder = VendorEventFeeder if endpoint.transport == "nl80211" else NetlinkFeeder
+        return feeder(endpoint.connector_idx)
     except NetlinkError as error:
         raise WorldError(f"CSI over netlink: {error.strerror}; transport unix works without it") from None
 

@@ -13,6 +13,7 @@ from wsr.aperture import Aperture
 from wsr.estimators.description import describe, without_image
 from wsr.estimators.trust import Evidence
 from wsr.geometry import direction, great_circle
+from wsr.half_turns import without_half_turns
 from wsr.peaks import Peak, find_peaks, mirrored
 from wsr.profile import Profile, bartlett_profile
 
@@ -26,18 +27,20 @@ Array = NDArray[np.float64]
 class Bartlett:
     """As published, but with the sign and the 4 pi / lambda that hold (see docs/maths.md).
 
-    `subcarrier` counts from 0 over the 30 reported ones; without channels per subcarrier the aperture's `channel` is
-    used. Amplitudes stay as measured. The reference point is the first position, as in the paper; a wave that is not
-    flat over the aperture is in truth seen from its middle.
+    `subcarrier` counts from 0 over the reported ones, None is the first above the centre; without channels per
+    subcarrier the aperture's `channel` is used. Amplitudes stay as measured. The reference point is the first position,
+    as in the paper; a wave that is not flat over the aperture is in truth seen from its middle.
     """
 
-    subcarrier: int = 15
+    subcarrier: int | None = None
 
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and its profile. Raises ApertureError."""
+        aperture = without_half_turns(aperture)
         channel = aperture.channel
         if aperture.forward is not None and aperture.reverse is not None:
-            column = self.subcarrier if aperture.forward.shape[1] > self.subcarrier else 0
+            column = int(np.searchsorted(aperture.grid.k, 0.0)) if self.subcarrier is None else self.subcarrier
+            column = min(column, aperture.grid.size - 1)
             channel = aperture.forward[:, column].astype(np.complex128) * aperture.reverse[:, column]
         profile = bartlett_profile(aperture.chi_m, channel, aperture.wavelength_m)
         best, *others = find_peaks(profile, _PATHS)

@@ -1,7 +1,7 @@
 """MUSIC on stretches of the path, with subcarriers as snapshots and the number of sources by MDL.
 
 What a snapshot is. An aperture flown once sees each place once, so the only repeats of one spatial vector are the
-subcarriers: X (p, S), p places and S = 30 columns. Paths of different delay change phase against each other over the
+subcarriers: X (p, S), p places and S columns. Paths of different delay change phase against each other over the
 subcarriers, which is what gives their covariance a rank above one, although 17.5 MHz leave it far from full: two paths
 20 ns apart have correlation 0.8. The noise of subcarriers is independent. Columns are comparable only if
 
@@ -54,13 +54,14 @@ from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate
 from wsr.aperture import MIN_PACKETS, Aperture
-from wsr.channel import SUBCARRIERS_20MHZ, bounded_amplitude
+from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.description import describe, is_horizontal
 from wsr.estimators.source_number import path_number, source_number
 from wsr.estimators.stretches import MIN_PLACES, Stretch, cut, likeness, path_powers, whole_coherence
 from wsr.estimators.trust import Evidence
 from wsr.geometry import angles, direction
+from wsr.half_turns import without_half_turns
 from wsr.kernel import bartlett_power
 from wsr.path_bins import Bins, path_bins
 from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks, mirrored
@@ -68,7 +69,6 @@ from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 from wsr.reciprocity import ChainLimits, chain, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 
-_K = SUBCARRIERS_20MHZ.astype(np.float64)
 _ALIGNMENT_STEPS = 10
 # A stretch that fits a direction better than this tells of its few snapshots, not of the direction.
 _FLOOR = 0.01
@@ -103,8 +103,8 @@ class Music:
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and the spectrum it was read from, scaled to the power of the reported peak."""
         given = aperture.packets
-        aperture, turn = _without_turnaround_jitter(_heard(aperture))
-        has_subcarriers = aperture.forward is not None and aperture.forward.shape[1] == _K.size
+        aperture, turn = _without_turnaround_jitter(without_half_turns(_heard(aperture)))
+        has_subcarriers = aperture.grid.size > 1
         found = self._from_subcarriers(aperture, turn) if has_subcarriers else None
         bins, stretches, sources = found or self._from_centre(aperture)
         wave_m = aperture.wavelength_m if found else aperture.wavelength_m / 2
@@ -138,11 +138,15 @@ class Music:
         """None where the chain of signs breaks so often that no piece of it makes a stretch."""
         field = one_way_field(aperture) * turn[:, None]
         wave = aperture.wavelength_m
-        sign, keep, segment = chain(field, aperture.t_s, aperture.chi_m, ChainLimits(wave / 3, wave / 12, gate=False))
+        sign, keep, segment = chain(
+            field, aperture.t_s, aperture.chi_m, ChainLimits(wave / 3, wave / 12, gate=False), aperture.grid
+        )
         field = field * sign[:, None]
         for rank in range(1, self.max_sources + 1):
             # Each time from the start: what was fitted to fewer responses is a bad place to fit more from.
-            bins = path_bins(aperture.chi_m, aligned(field, rank, keep), keep, segment, self.bin_wavelengths * wave)
+            bins = path_bins(
+                aperture.chi_m, aligned(field, rank, keep, aperture.grid.k), keep, segment, self.bin_wavelengths * wave
+            )
             if np.bincount(bins.segment).max() < MIN_PLACES:
                 return None
             stretches = cut(bins, self.elements, wave)
@@ -189,12 +193,15 @@ def one_way_field(aperture: Aperture) -> Complex:
         raise ApertureError("aperture has no channels of single subcarriers; expected forward and reverse")
     ahead, back = (np.asarray(csi, np.complex128) for csi in (aperture.forward, aperture.reverse))
     amplitude = np.sqrt(np.linalg.norm(ahead, axis=1) * np.linalg.norm(back, axis=1))
-    field = fold(aperture.forward, aperture.reverse).channel
-    return np.asarray(without_delay(field) * (amplitude / max(float(np.median(amplitude)), 1e-300))[:, None])
+    field = fold(aperture.forward, aperture.reverse, aperture.grid).channel
+    return np.asarray(
+        without_delay(field, grid=aperture.grid) * (amplitude / max(float(np.median(amplitude)), 1e-300))[:, None]
+    )
 
 
-def aligned(field: Complex, rank: int, keep: NDArray[np.bool_]) -> Complex:
-    """The field (M, S) with a delay per packet that brings all packets closest to `rank` common responses (S,).
+def aligned(field: Complex, rank: int, keep: NDArray[np.bool_], k_all: Array) -> Complex:
+    """The field (M, S) at frequencies k (S,) with a delay per packet that brings all of them closest to `rank` common
+    responses (S,).
 
     Alternates between the responses (dominant right singular vectors of all packets) and, for each packet, a
     least-squares step of its phase slope towards its projection on them.
@@ -205,10 +212,10 @@ def aligned(field: Complex, rank: int, keep: NDArray[np.bool_]) -> Complex:
         ratio = field * ((field @ basis.conj()) @ basis.T).conj()
         weight = np.abs(ratio)
         total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-        k = _K - (weight * _K).sum(axis=1, keepdims=True) / total
+        k = k_all - (weight * k_all).sum(axis=1, keepdims=True) / total
         phase = np.angle(ratio * ratio.sum(axis=1, keepdims=True).conj())
         slope = (weight * k * phase).sum(axis=1) / np.maximum((weight * k**2).sum(axis=1), 1e-300)
-        field = field * np.exp(-1j * slope[:, None] * _K)
+        field = field * np.exp(-1j * slope[:, None] * k_all)
     return field
 
 

@@ -11,6 +11,7 @@ from wsr.aperture import MIN_LENGTH_WAVELENGTHS, MIN_PACKETS, Aperture, spans
 from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
+from wsr.ofdm import Grid, known
 from wsr.path_bins import Bins, path_bins
 from wsr.reciprocity import ChainLimits, Folded, chain, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
@@ -26,6 +27,8 @@ class Prepared:
     """Bins of the path with their channels, the wavelength of their phase, and what was left out."""
 
     bins: Bins
+    grid: Grid
+    """Of the bins' channels."""
     wavelength_m: float
     dropped: dict[str, int]
     reciprocity: float
@@ -49,19 +52,19 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     disagree = int(np.count_nonzero(~keep))
     wavelength_m = aperture.wavelength_m
     if options.one_way:
-        channel = without_delay(folded.channel, jitter_rad / 2)
+        channel = without_delay(folded.channel, jitter_rad / 2, aperture.grid)
         used = np.flatnonzero(keep)
         limits = ChainLimits(
             far_m=options.far_wavelengths * wavelength_m,
             near_m=options.near_wavelengths * wavelength_m,
             gate=options.gate,
         )
-        signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits)
+        signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits, aperture.grid)
         sign[used] = signs
         keep[used] = fits
         segment[used] = number
     else:
-        channel = without_delay(_product(aperture), jitter_rad)
+        channel = without_delay(_product(aperture), jitter_rad, aperture.grid)
         wavelength_m = wavelength_m / 2
     if not options.wideband:
         channel = channel.mean(axis=1, keepdims=True)
@@ -74,6 +77,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     dropped = {"ends disagree": disagree, "phase step": unfit}
     return Prepared(
         bins,
+        aperture.grid if options.wideband else known(1),
         wavelength_m,
         {reason: count for reason, count in dropped.items() if count},
         float(np.median(agreement)),
@@ -99,7 +103,7 @@ def _check_kept(aperture: Aperture, keep: NDArray[np.bool_]) -> None:
 def _folded(aperture: Aperture) -> Folded:
     """Without both directions the root of the product, which is then all there is."""
     if aperture.forward is not None and aperture.reverse is not None:
-        return fold(aperture.forward, aperture.reverse)
+        return fold(aperture.forward, aperture.reverse, aperture.grid)
     centre = _product(aperture)[:, 0].astype(np.complex64)
     root = np.sqrt(centre / max(float(np.abs(centre).mean()), 1e-30))
     return Folded(root[:, None], np.ones(aperture.packets, np.float32), centre, np.abs(root))

@@ -19,6 +19,7 @@ from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
 from wsr.geometry import direction, great_circle, wrap_angle
+from wsr.half_turns import without_half_turns
 from wsr.likelihood import matched, most_likely
 from wsr.peaks import Peak, find_peaks, mirrored
 from wsr.pictures import level_profile, look_profile, ring_peaks
@@ -71,6 +72,7 @@ class Robust:
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and a picture: the fused score over the sphere, or, of a level path, which has no more to say
         than its azimuths, the far-field power of the channel centre. Raises ApertureError."""
+        aperture = without_half_turns(aperture)
         prepared = prepare(aperture, self.options)
         found = find(prepared, self.options)
         if found.level:
@@ -94,7 +96,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         # What is left of height there is the tracker's drift.
         x = x - np.outer(x @ axes[2], axes[2])
     fused = sub_apertures(
-        x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share
+        x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share, prepared.grid
     )
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
 

@@ -11,6 +11,7 @@ from csi_bridge.parser import CsiLogParser
 from csi_bridge.records import CsiRecord
 from csi_bridge.scaling import (
     scaled_csi,
+    subcarrier_hz,
     total_rss_dbm,
     without_spatial_mapping,
 )
@@ -73,6 +74,14 @@ def test_what_the_sender_mixed_is_taken_apart(rate: int, n_tx: int) -> None:
     np.testing.assert_allclose(without_spatial_mapping(mixed, rate), channel, atol=1e-5)
     assert without_spatial_mapping(channel, 0x4) is channel  # not an HT rate
     assert without_spatial_mapping(channel[..., :1], rate).shape == (30, 3, 1)
+
+
+def test_subcarriers_of_both_bandwidths() -> None:
+    narrow, wide = subcarrier_hz(0x101) / 312_500, subcarrier_hz(0x101 | 0x800) / 312_500
+    assert narrow.tolist() == [*range(-28, 0, 2), -1, *range(1, 28, 2), 28]
+    assert (wide[0], wide[-1]) == (-58, 58)
+    assert np.unique(np.diff(wide)).tolist() == [4]
+    assert len(wide) == len(narrow) == 30
 
 
 @needs_data

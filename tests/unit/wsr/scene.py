@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.channel import SUBCARRIERS_20MHZ
+from wsr.ofdm import GRID_5300
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -57,15 +57,17 @@ def exchange(
     offset_hz: float = 0.0,
     t_s: Array | None = None,
     turnaround_s: Array | None = None,
+    subcarrier_hz: Array | None = None,
 ) -> tuple[CsiRows, CsiRows]:
-    """Forward and reverse channels (M, 30) of an exchange, the second measured `turnaround_s` (M,) after the first.
+    """Forward and reverse channels (M, S) of an exchange, the second measured `turnaround_s` (M,) after the first.
 
     Each packet has a random phase and delay of its own at either end, opposite for the two; complex noise of deviation
     `noise` per subcarrier, of the direct path's amplitude. `echo` is the place of an image source and its amplitude.
     """
     rng = np.random.default_rng(seed)
-    frequency = 299_792_458.0 / WAVELENGTH_M + 312_500.0 * SUBCARRIERS_20MHZ
-    h = np.zeros((p_i.shape[0], 30), np.complex128)
+    subcarrier_hz = GRID_5300.hz if subcarrier_hz is None else subcarrier_hz
+    frequency = 299_792_458.0 / WAVELENGTH_M + subcarrier_hz
+    h = np.zeros((p_i.shape[0], subcarrier_hz.size), np.complex128)
     for place, amplitude in [(p_j, 1.0), *([] if echo is None else [echo])]:
         distance = np.linalg.norm(p_i - place, axis=-1)
         h += amplitude * np.exp(-2j * np.pi * np.outer(distance, frequency) / 299_792_458.0)
@@ -73,10 +75,10 @@ def exchange(
     clock = np.zeros(packets) if t_s is None else t_s
     late = np.zeros(packets) if turnaround_s is None else turnaround_s
     phase = rng.uniform(-np.pi, np.pi, packets)[:, None]
-    delay = rng.uniform(0.0, 1e-7, packets)[:, None] * (2 * np.pi * 312_500.0 * SUBCARRIERS_20MHZ)
+    delay = rng.uniform(0.0, 1e-7, packets)[:, None] * (2 * np.pi * subcarrier_hz)
     turn = np.exp(1j * (phase - delay + 2 * np.pi * offset_hz * clock[:, None]))
     back = np.exp(-1j * (phase - delay + 2 * np.pi * offset_hz * (clock + late)[:, None]))
-    grain = noise * (rng.normal(size=(2, 2, packets, 30)) * np.sqrt(0.5))
+    grain = noise * (rng.normal(size=(2, 2, packets, subcarrier_hz.size)) * np.sqrt(0.5))
     forward = turn * (h + grain[0, 0] + 1j * grain[0, 1])
     reverse = back * (h + grain[1, 0] + 1j * grain[1, 1])
     return forward.astype(np.complex64), reverse.astype(np.complex64)

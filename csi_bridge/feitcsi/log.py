@@ -1,0 +1,89 @@
+"""FeitCSI logs: header, data, header, data .. read whole, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from csi_bridge.dat import DatFileError
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.parser import FeitLogParser, next_record_at, record_size
+from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
+from csi_bridge.records import CsiError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FeitLog:
+    """All records of a log in file order, and where each begins."""
+
+    path: Path
+    records: tuple[FeitRecord, ...]
+    offsets: tuple[int, ...]
+    damaged_count: int
+    """Places where no record stood though one had to."""
+    skipped_bytes: int
+    """Passed over to find the next record."""
+    truncated_bytes: int
+    """Of a record cut off by the end of the file."""
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+
+def is_feitcsi(data: bytes) -> bool:
+    """Whether a log that begins with these bytes, a thousand or more, is one of FeitCSI. Damage at the very beginning
+    does not hide it."""
+    try:
+        record_size(data[:HEADER_BYTES])
+    except CsiError:
+        found = next_record_at(data)
+        return found + HEADER_BYTES <= len(data)
+    return True
+
+
+def read_log(path: str | Path) -> FeitLog:
+    """Raises DatFileError for a file that is missing, unreadable or has no record."""
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DatFileError(f"{path}: {error.strerror}") from None
+    log = parse_log(data, path)
+    if not log.records:
+        raise DatFileError(f"{path}: not a FeitCSI log (no record in {len(data)} bytes)")
+    return log
+
+
+def parse_log(data: bytes, path: Path) -> FeitLog:
+    """Every record in `data`; `path` is for messages."""
+    parser, found, damaged = FeitLogParser(), [], 0
+    parser.feed(data)
+    while True:
+        try:
+            item = parser.next_record()
+        except CsiError:
+            damaged += 1
+            continue
+        if item is None:
+            break
+        found.append(item)
+    lost = parser.pending_bytes if parser.is_lost else 0
+    return FeitLog(
+        path=path,
+        records=tuple(record for _, record in found),
+        offsets=tuple(offset for offset, _ in found),
+        damaged_count=damaged,
+        skipped_bytes=parser.skipped_bytes + lost,
+        truncated_bytes=parser.pending_bytes - lost,
+    )
+
+
+def write_log(path: str | Path, records: Iterable[FeitRecord]) -> None:
+    """A new log. Raises DatFileError where it cannot be written, EncodeError for a record that no card reports."""
+    try:
+        with Path(path).open("wb") as file:
+            for record in records:
+                file.write(encode_record(record))
+    except OSError as error:
+        raise DatFileError(f"{path}: {error.strerror}") from None

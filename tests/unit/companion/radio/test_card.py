@@ -1,0 +1,84 @@
+"""Reports of an AX card on the live path: the same samples as any card's, on their own grid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from companion.core.clock import ManualClock
+from companion.radio.card import ChannelSample, Radio
+from companion.sensing.window import SarWindow
+from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.channel import thinned
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.rate import Rate
+from csi_bridge.feitcsi.records import FEITCSI_CODE
+from csi_bridge.records import CSI_CODE
+from csi_bridge.source import SourceCounters
+from tests import csi_records, feit_records
+
+
+class _Tape:
+    counters = SourceCounters()
+
+    def __init__(self, bodies: list[tuple[int, bytes]]) -> None:
+        self._bodies = bodies
+
+    def fileno(self) -> int:
+        return -1
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        return self._bodies
+
+    def close(self) -> None: ...
+
+
+def heard(bodies: list[tuple[int, bytes]]) -> tuple[list[ChannelSample], Radio]:
+    samples: list[ChannelSample] = []
+    peers = {feit_records.MAC: 2, csi_records.MAC: 3}
+    radio = Radio(_Tape(bodies), peers, ManualClock(10**9), samples.append, lambda *_: None)
+    radio.drain()
+    return samples, radio
+
+
+def test_a_report_becomes_a_sample_on_its_own_grid() -> None:
+    record = feit_records.record(stamp_us=5000)
+    samples, radio = heard([(FEITCSI_CODE, encode_record(record))])
+    (sample,) = samples
+    channel, hz = thinned(record)
+    assert np.allclose(sample.csi, channel[:, :, 0], atol=1e-3)
+    assert sample.subcarrier_hz is not None and np.array_equal(sample.subcarrier_hz, hz)
+    assert (sample.peer, sample.frame, sample.nic_us, sample.fine_us, sample.half_turns) == (
+        2,
+        None,
+        5000,
+        5000.0,
+        True,
+    )
+    assert radio.rssi_dbm == (-40.0, -45.0, None)
+    assert (radio.counters.records, radio.counters.samples, radio.counters.no_counter) == (1, 1, 1)
+
+
+def test_one_chain_takes_the_place_of_its_antenna() -> None:
+    record = feit_records.record(n_rx=1)
+    only_b = replace(record, rate=Rate(record.rate.word & ~(1 << 14)))
+    (sample,), _ = heard([(FEITCSI_CODE, encode_record(only_b))])
+    assert not sample.csi[:, 0].any() and sample.csi[:, 1].all()
+
+
+def test_strangers_and_broken_reports_are_counted() -> None:
+    stranger = encode_record(replace(feit_records.record(), mac=b"\x02" * 6))
+    samples, radio = heard([(FEITCSI_CODE, stranger), (FEITCSI_CODE, b"broken")])
+    assert not samples
+    assert (radio.counters.unknown_sender, radio.counters.malformed) == (1, 1)
+
+
+def test_the_window_keeps_samples_of_both_cards() -> None:
+    bodies = [(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))]
+    samples, _ = heard(bodies * 2)
+    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+    for sample in samples:
+        window.add_sample(sample)
+        window.add_sample(replace(sample, peer=4))
+    assert [sample.peer for sample in samples] == [2, 3, 2, 3]

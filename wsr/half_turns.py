@@ -1,0 +1,78 @@
+"""Receive chains whose sign is random: an AX card turns each chain by half a turn, or not, from packet to packet.
+
+Two chains of one packet tell their relative sign: their relative phase changes only as the antennas move. What is left
+is one sign at each end. The half phase of H_f H_r^* then is off by quarter turns, and h^2 = +-H_f H_r: the one-way
+channel has four roots where it has two otherwise. They are chained from packet to packet like the two.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.aperture import Aperture
+from wsr.reciprocity import ChainLimits, chain_quarters, fold, without_delay
+from wsr.turnaround import carrier_offset_hz, jitter_s
+
+_MEMORY = 0.8
+"""Of the relative phase of two chains: a few packets, as long as a robot keeps its place to a small part of a wave."""
+_FAR_WAVELENGTHS, _NEAR_WAVELENGTHS = 1 / 3, 1 / 12
+
+Array = NDArray[np.float64]
+
+
+def relative_signs(csi: NDArray[np.complexfloating]) -> NDArray[np.int8]:
+    """Signs (M, R) by which to multiply the chains of CSI (M, S, R), in the order of time, so that their phases against
+    the strongest one go on evenly. That one's own sign is 1 in every packet; a chain without signal keeps 1."""
+    values = np.asarray(csi, np.complex128)
+    strongest = int(np.argmax(np.square(np.abs(values)).sum(axis=(0, 1)))) if len(values) else 0
+    between = np.einsum("msr,ms->mr", values, values[:, :, strongest].conj())
+    unit = between / np.maximum(np.abs(between), np.finfo(np.float64).tiny)
+    signs = np.ones(unit.shape, np.int8)
+    for chain in range(unit.shape[1]):
+        usual = 0j
+        for packet, now in enumerate(unit[:, chain].tolist()):
+            flipped = (now * usual.conjugate()).real < 0
+            signs[packet, chain] = -1 if flipped else 1
+            usual = _MEMORY * usual + (-now if flipped else now)
+    return signs
+
+
+def without_half_turns(aperture: Aperture) -> Aperture:
+    """The aperture with the forward channel, and so the product, of the sign that lets the one-way channel go on from
+    packet to packet; the same one where there are no half turns. Where packets are too far apart to tell, the likelier
+    root is taken. Without channels of both directions nothing can be told, and they stay.
+    """
+    if not aperture.half_turns:
+        return aperture
+    if aperture.forward is None or aperture.reverse is None:
+        return replace(aperture, half_turns=False)
+    folded = fold(aperture.forward, aperture.reverse, aperture.grid)
+    field = without_delay(folded.channel, half_jitter_rad(aperture, folded.centre), aperture.grid)
+    wave_m = aperture.wavelength_m
+    limits = ChainLimits(_FAR_WAVELENGTHS * wave_m, _NEAR_WAVELENGTHS * wave_m, gate=False)
+    clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
+    quarters = chain_quarters(field, clock_s, aperture.chi_m, limits, aperture.grid)[0]
+    # h turned by n quarters is h^2 times (-1)^n, which is a sign of one of both ends.
+    sign = np.where(quarters % 2 == 0, 1.0, -1.0)
+    return replace(
+        aperture,
+        channel=aperture.channel * sign,
+        forward=np.asarray(aperture.forward * sign[:, None], np.complex64),
+        half_turns=False,
+    )
+
+
+def half_jitter_rad(aperture: Aperture, product: NDArray[np.complexfloating]) -> Array:
+    """pi df dt (M,), which undoes the turnaround jitter of the one-way channel. df comes from the squared product, in
+    which no sign is left; its carriers are at twice the frequency."""
+    if aperture.nic_us is None:
+        return np.zeros(aperture.packets)
+    ours_s = (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
+    turnaround_s = (aperture.nic_us[:, 1] - aperture.nic_us[:, 0]) * 1e-6
+    twice_hz = carrier_offset_hz(np.square(product), turnaround_s, ours_s, aperture.wavelength_m / 2)
+    late_s = jitter_s(turnaround_s, ours_s, twice_hz / 2, aperture.wavelength_m)
+    return np.asarray(math.pi * twice_hz / 2 * late_s)
