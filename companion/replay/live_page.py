@@ -101,7 +101,8 @@ async def _drive(player: Player, session: Session, speed: float | None, state: L
 
 def _show(player: Player, event: InputEvent, first_ns: int, state: LiveState, seen: int) -> int:
     """Brings the state up to the event; how many decisions have been shown."""
-    state.t_s = (event.t_ns - first_ns) / NS_PER_S
+    # What a cut log repeats from before its first event is later than what follows it.
+    state.t_s = max(state.t_s, (event.t_ns - first_ns) / NS_PER_S)
     state.status = player.uav.flight.status()
     for decided in player.log.decided[seen:]:
         match decided.source:
