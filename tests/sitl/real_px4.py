@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import os
 import select
 import socket
 import struct
@@ -23,6 +24,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from companion.autopilot.px4_modes import flight_mode
 from companion.core.clock import NS_PER_S
 from companion.core.messages import FlightMode, Vector3
+from companion.host.priority import LOOP_PRIORITY
 from companion.sim import truth
 from companion.sim.px4.parameters import field_and_kind
 
@@ -69,8 +71,6 @@ class RealPx4:
     def __init__(self) -> None:
         self.is_cut = False
         """Nothing passes between PX4 and the service, either way."""
-        self.is_steered = False
-        """A pilot's sticks are there, centred."""
         self.modes: list[tuple[float, FlightMode]] = []
         self.intended: FlightMode | None = None
         self.armed = False
@@ -102,12 +102,14 @@ class RealPx4:
         self._thread = threading.Thread(target=self._serve, name="px4")
 
     def __enter__(self) -> RealPx4:
+        _before_others()  # this thread as well: it has the interpreter's lock at times
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._is_over = True
         self._thread.join()
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         for one in (*self._sockets, self._out):
             one.close()
 
@@ -189,6 +191,7 @@ class RealPx4:
         raise AssertionError(f"PX4 does not tell {name}")
 
     def _serve(self) -> None:
+        _before_others()
         while not self._is_over:
             readable, _, _ = select.select(self._sockets, [], [], 0.05)
             for one in readable:
@@ -248,8 +251,8 @@ class RealPx4:
             for one, kind, every_us in _WANTED:
                 asked = (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, kind, every_us, 0, 0, 0, 0, 0)
                 self._send(self._sockets[one], mavlink.MAVLink_command_long_message(1, 1, *asked))
-        if self.is_steered and now_s - self._stick_s >= 0.05:
-            self._stick_s = now_s
+        if now_s - self._stick_s >= 0.05:
+            self._stick_s = now_s  # a pilot is there, the sticks centred: one who goes is a failsafe of its own
             self._send(self._ground, mavlink.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0))
 
     def _send(self, one: socket.socket, message: Any) -> None:
@@ -263,6 +266,12 @@ def file_parameters(path: Path) -> dict[str, float]:
     """Of a parameter file of QGroundControl."""
     rows = [line.split("\t") for line in path.read_text().splitlines() if line and not line.startswith("#")]
     return {name: float(value) for _, _, name, value, _ in rows}
+
+
+def _before_others() -> None:
+    """The calling thread, where that is permitted: PX4 and the service run in real time, and this is the wire."""
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(LOOP_PRIORITY))
 
 
 def _bits(value: float) -> int:

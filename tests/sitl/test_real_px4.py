@@ -72,10 +72,11 @@ class Real:
         await self.settle()
 
     async def never_back(self, after_s: float, for_s: float = 3.0) -> None:
-        """It was let go by `after_s` [s, monotonic]: no set point after it, no OFFBOARD for some time."""
+        """Out of OFFBOARD now, and for some time; no set point since `after_s` [s, monotonic]."""
+        from_s = time.monotonic()
         await asyncio.sleep(for_s)
         assert self.px4.setpoints_after(after_s) == 0
-        assert FlightMode.OFFBOARD not in self.px4.since(after_s)
+        assert FlightMode.OFFBOARD not in self.px4.since(from_s)
 
 
 @pytest_asyncio.fixture(loop_scope="module", scope="module")
@@ -95,7 +96,7 @@ async def real(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Real]:
             try:
                 yield Real(px4, flight, gps)
             finally:
-                px4.is_cut = px4.is_steered = False
+                px4.is_cut = False
                 if px4.armed:
                     await px4.choose(*LAND)
                     await px4.down()
@@ -149,19 +150,15 @@ async def test_an_abort_leaves_it_in_hold(real: Real) -> None:
 
 
 async def test_a_pilot_who_changes_the_mode_is_obeyed(real: Real) -> None:
-    real.px4.is_steered = True
-    try:
-        await real.fly()
-        assert await real.px4.choose(_POSITION) == mavlink.MAV_RESULT_ACCEPTED
-        await real.px4.in_mode(FlightMode.MANUAL, timeout_s=1.0)
-        at_s = time.monotonic()
-        await real.flight.in_state("latched", timeout_s=2.0)
-        print(f"pilot: last set point {max(real.px4.setpoints) - at_s:.2f} s after the mode")
-        await real.never_back(at_s + 0.5)
-        assert real.px4.mode is FlightMode.MANUAL
-        await real.settle()
-    finally:
-        real.px4.is_steered = False
+    await real.fly()
+    assert await real.px4.choose(_POSITION) == mavlink.MAV_RESULT_ACCEPTED
+    await real.px4.in_mode(FlightMode.MANUAL, timeout_s=1.0)
+    at_s = time.monotonic()
+    await real.flight.in_state("latched", timeout_s=2.0)
+    print(f"pilot: last set point {max(real.px4.setpoints) - at_s:.2f} s after the mode")
+    await real.never_back(at_s + 0.5)
+    assert real.px4.mode is FlightMode.MANUAL
+    await real.settle()
 
 
 async def test_kill_9_leaves_it_to_px4_and_a_new_service_starts_idle(real: Real) -> None:
