@@ -73,6 +73,8 @@ class RealPx4:
         """Nothing passes between PX4 and the service, either way."""
         self.modes: list[tuple[float, FlightMode]] = []
         self.intended: FlightMode | None = None
+        self.offboard_in_air: list[float] = []
+        """When OFFBOARD began in the air. PX4 goes back to it on the ground, after a landing that began in it."""
         self.armed = False
         self.setpoints: list[float] = []
         self.told: dict[str, Any] = {}
@@ -131,11 +133,6 @@ class RealPx4:
         """From now on the world hears where the vehicle is; it is where the vehicle starts from now."""
         self._place = Place()
         self._world = world
-
-    def since(self, at_s: float) -> list[FlightMode]:
-        """The mode at that time and all that came after."""
-        before = [mode for t_s, mode in self.modes if t_s <= at_s][-1:]
-        return before + [mode for t_s, mode in self.modes if t_s > at_s]
 
     def setpoints_after(self, at_s: float) -> int:
         return sum(t_s > at_s for t_s in self.setpoints)
@@ -227,6 +224,8 @@ class RealPx4:
             self.intended = flight_mode(message.intended_custom_mode)
             if mode is not self.mode:
                 self.modes.append((now_s, mode))
+                if mode is FlightMode.OFFBOARD and not self.landed:
+                    self.offboard_in_air.append(now_s)
         elif kind == "COMMAND_ACK":
             self.acks[message.command] = message.result
         elif kind == "PARAM_VALUE":
