@@ -8,7 +8,6 @@ import signal
 import socket
 import sys
 import tempfile
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
@@ -147,7 +146,7 @@ async def flying(
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
     configuration.
 
-    With `real_url` an autopilot is there already: the world then moves the vehicle as that one's telemetry says.
+    With `real_url` an autopilot is there already, and whoever asks for it tells the world where its vehicle truly is.
     """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url, autopilot or {})
@@ -159,14 +158,11 @@ async def flying(
             options = ("--control", control)
             async with Cast(stage, out, *options, service=_SERVICE, has_mock=not real_url) as cast:
                 flight = Flying(stage, cast, out, reports)
-                helpers = [asyncio.create_task(_listen(truths, flight.truths))]
-                if real_url:
-                    helpers.append(asyncio.create_task(_follow(flight)))
+                listener = asyncio.create_task(_listen(truths, flight.truths))
                 try:
                     yield flight
                 finally:
-                    for helper in helpers:
-                        helper.cancel()
+                    listener.cancel()
 
 
 def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any]) -> Stage:
@@ -191,24 +187,3 @@ def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot
 async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
     while True:
         truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))
-
-
-async def _follow(flight: Flying) -> None:
-    """Tells the world where a real autopilot says the vehicle is."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as out:
-        while True:
-            await asyncio.sleep(0.02)
-            with suppress(CompanionError, OSError, TypeError):  # not there yet, or its position is not known yet
-                state = (await flight.status())["vehicle"]
-                now = truth.VehicleTruth(
-                    t_mono_ns=time.monotonic_ns(),
-                    p_enu_m=tuple(state["p_local_enu_m"]),
-                    v_enu_m_s=tuple(state["v_local_enu_m_s"]),
-                    yaw_enu_rad=state["yaw_enu_rad"],
-                    mode=state["mode"].upper(),
-                    armed=state["armed"],
-                    setpoints=0,
-                    setpoints_in_offboard=0,
-                    offboard_s=0.0,
-                )
-                out.sendto(truth.encode(now), flight.stage.scenario.truth_in)
