@@ -39,8 +39,8 @@ FAULTS: Final[dict[Event, Fault]] = {
     ),
     Event.STALLED: Fault(
         f"{STALLED_S:g} s; {SLEPT_S:g} s of a suspended host",
-        "the gap since the last set point that went out, at the first tick after it; CLOCK_BOOTTIME against CLOCK_MONOTONIC; "
-        "the vehicle's clock, if it leapt ahead of ours, at its first message",
+        "the gap since the last set point that went out, at the first tick after it; CLOCK_BOOTTIME against "
+        "CLOCK_MONOTONIC; the vehicle's clock, if it leapt ahead of ours, at its first message",
         _PERSON,
     ),
     Event.LINK_LOST: Fault(
