@@ -23,7 +23,7 @@ _WORDS: Final[dict[str, bool | None]] = {
     **dict.fromkeys(("false", "no", "off"), False),
     **dict.fromkeys(("", "~", "null"), None),
 }
-_DECIMAL: Final = re.compile(r"[-+]?(0|[1-9]\d*)?(\.\d*)?(?<=[\d.])([eE][-+]?\d+)?")
+_DECIMAL: Final = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?")
 _NOT_FINITE: Final = re.compile(r"[-+]?\.(inf|nan)", re.IGNORECASE)
 _MAC: Final = re.compile(r"\d\d(:\d\d){5}")
 _REFUSED: Final = (

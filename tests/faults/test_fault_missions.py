@@ -143,11 +143,11 @@ def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch)
 def test_red_a_service_that_engages_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     real = Flight.tick
 
-    def eager(self: Flight, now_ns: int) -> None:
+    def eager(self: Flight, now_ns: int, slept_s: float = 0.0) -> None:
         if self.state is State.IDLE and now_ns > 14 * NS_PER_S:
             self._course.report(Event.ENGAGE)
             self._engagement._checked_ns = now_ns
-        real(self, now_ns)
+        real(self, now_ns, slept_s)
 
     monkeypatch.setattr(Flight, "tick", eager)
     scenario = dataclasses.replace(flight_with(), faults=(Fault(8.0, "jump", "", 0.0, 0.0),))

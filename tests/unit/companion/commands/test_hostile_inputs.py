@@ -106,6 +106,7 @@ _COMMANDS: Final[dict[str, list[list[str]]]] = {
     "abort": [["--socket", "{}"]],
     "status": [["--socket", "{}"]],
     "feed": [["{}", "--unix", _ABSENT]],
+    "csi": [["{}"]],
     "keygen": [["{}"]],
     "doctor": [["radio", "--config", "{}"]],
     "check-axes": [["--config", "{}"]],
