@@ -158,8 +158,10 @@ class ApertureConfig:
     length_m: Positive = 1.2
     min_packets: Annotated[int, Meta(ge=16)] = 80
     max_pose_gap_s: Positive = 0.05
+    period_s: Positive = 0.5
+    """How often an estimate is made, if the worker keeps up; apertures overlap."""
     settle_s: NotNegative = 0.3
-    """How long after the end of a leg late reverse channels are waited for."""
+    """How long reverse channels have to arrive: an aperture ends that long ago."""
     silent_s: Positive = 2.0
     """Without packets or without datagrams of the target for so long, the vehicle holds."""
     blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
@@ -213,8 +215,10 @@ class MissionConfig:
     """Longest approach, after which the vehicle lands."""
     hold_limit_s: Positive = 60.0
     """After holding for so long without the target the vehicle is left as lost_target says."""
-    arrival_range_m: Positive = 1.5
-    """The mission has arrived when the triangulated range, plus two standard deviations, is below this."""
+    arrival_range_m: Positive = 2.0
+    """The mission has arrived when the target is within this range,"""
+    arrival_confidence: Annotated[float, Meta(ge=0.5, lt=1)] = 0.9
+    """with this probability, over a whole aperture of new packets."""
 
 
 @dataclass(frozen=True, slots=True)

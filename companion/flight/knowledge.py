@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping
 from typing import Final
 
-from companion.config.schema import ApertureConfig
+from companion.config.schema import ApertureConfig, MissionConfig
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
@@ -16,6 +15,7 @@ from companion.core.recorder import Recorder
 from companion.core.streams import TARGET
 from companion.flight.course import Course
 from companion.flight.records import target_report
+from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
@@ -24,7 +24,6 @@ from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
-_SEARCH_TURN_RAD: Final = math.radians(120.0)
 
 
 class Knowledge:
@@ -39,6 +38,7 @@ class Knowledge:
         target: int,
         sar: SarIterations,
         course: Course,
+        mission: MissionConfig,
     ) -> None:
         self._config = config
         self._clock = clock
@@ -47,18 +47,19 @@ class Knowledge:
         self._course = course
         self.neighbour: Final = neighbours[target]
         """The target as a sender of datagrams."""
-        self.targets: Final = Targets(neighbours, target)
+        self.targets: Final = Targets(
+            neighbours, target, mission.arrival_range_m, mission.arrival_confidence
+        )
         self._packet_ns: int | None = None
         self._packets = 0
-        self._blind_legs = 0
+        self._blind_legs = 0.0
         self._tries = 0
         self._iteration: Iteration | None = None
 
-    def azimuth_rad(self, vehicle: VehicleState) -> float:
-        """Where the next leg goes: to the target, or into a new direction each time while nothing is known of it."""
-        if self.targets.target is not None:
-            return self.targets.target.azimuth_rad
-        return (vehicle.yaw_enu_rad or 0.0) + _SEARCH_TURN_RAD * self._blind_legs
+    def aim(self, vehicle: VehicleState) -> Aim | None:
+        """Where to fly; None while nothing is known of the target."""
+        p_m = vehicle.p_local_enu_m
+        return None if p_m is None else self.targets.aim(p_m)
 
     def heard(self, sample: ChannelSample) -> None:
         """A packet was measured."""
@@ -88,8 +89,8 @@ class Knowledge:
         return self._iteration
 
     @property
-    def blind_legs(self) -> int:
-        """Legs flown since the newest bearing that may steer."""
+    def blind_legs(self) -> float:
+        """Apertures' worth of path since the newest bearing that may steer."""
         return self._blind_legs
 
     @property
@@ -118,7 +119,7 @@ class Knowledge:
     def begin_anew(self) -> None:
         """A mission begins: places of the one before count no more."""
         self.targets.forget()
-        self._blind_legs = self._tries = 0
+        self._blind_legs, self._tries = 0.0, 0
 
     def note_blind_leg(self) -> None:
         """A leg was given up."""
@@ -133,11 +134,11 @@ class Knowledge:
 
     def _note(self, iteration: Iteration, steers: bool) -> None:
         self._packets = 0
-        self._blind_legs += 1
+        self._blind_legs += iteration.fresh
         if iteration.estimate is None:
             _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
             return
         self._iteration = iteration
         if steers:
-            self._blind_legs = self._tries = 0
+            self._blind_legs, self._tries = 0.0, 0
             self._course.report(Event.BEARING)

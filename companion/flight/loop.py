@@ -22,7 +22,7 @@ from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
 from companion.flight.limits import condition_limits
 from companion.flight.local_frame import LocalFrame
-from companion.flight.observer import Observer, would_be_setpoint
+from companion.flight.observer import would_be_setpoint
 from companion.flight.origin import Origin
 from companion.flight.rc_switch import RcSwitch
 from companion.flight.records import GateReport, ObservedSetpoint
@@ -68,14 +68,15 @@ class Flight:
         self._sar = sar
         self._recorder = recorder
         self._gate = Gate(GateLimits(**asdict(config.gate)))
-        self._approach = Approach(sar, config.mission, config.aperture.length_m, config.aperture.settle_s)
-        self._observer = Observer(sar, config.aperture)
+        self._approach = Approach(config.mission, self._gate.limits, config.aperture.length_m)
         self._limits = condition_limits(config)
         self._ticker = Ticker(clock, _RATE_HZ)
         self._sleep = HostSleep()
         self._commands = make_commands(self._autopilot, clock, self._report)
         self._course = Course(clock, recorder)
-        self.knowledge = Knowledge(config.aperture, clock, recorder, neighbours, config.target, sar, self._course)
+        self.knowledge = Knowledge(
+            config.aperture, clock, recorder, neighbours, config.target, sar, self._course, config.mission
+        )
         self._targets = self.knowledge.targets
         self._engagement = Engagement(
             config, clock, intake, self.knowledge, self._autopilot, sar, recorder, look, network_problem
@@ -182,7 +183,7 @@ class Flight:
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             slept_s=slept_s,
-            target_near=p_m is not None and self._targets.is_near(p_m, self._config.mission.arrival_range_m),
+            target_near=p_m is not None and self._targets.is_near(p_m),
         )
 
     def _step(self, event: Event, vehicle: VehicleState, now_ns: int) -> None:
@@ -230,7 +231,12 @@ class Flight:
 
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
-        setpoint = self._approach.setpoint(now_ns, self.knowledge.azimuth_rad(vehicle), moving)
+        if moving:
+            self._sar.begin()
+            self._sar.slide(now_ns)
+        else:
+            self._sar.abandon()
+        setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving)
         if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
@@ -269,7 +275,8 @@ class Flight:
             self._course.report(Event.TARGET_REACHED)  # as near as anything may come to it
 
     def _begin_path(self, p_m: Vector3, vehicle: VehicleState) -> None:
-        self._approach.start(p_m, vehicle.yaw_enu_rad or 0.0, self._frame.ground_m)
+        v_m_s = vehicle.v_local_enu_m_s or (0.0, 0.0, 0.0)
+        self._approach.start(p_m, vehicle.yaw_enu_rad or 0.0, self._frame.ground_m, v_m_s)
 
     def _follow_frame(self, vehicle: VehicleState, now_ns: int) -> None:
         """Where the vehicle set its local frame anew, all that is noted in it moves along; nothing else does."""
@@ -281,7 +288,8 @@ class Flight:
             self._sar.abandon()
 
     def _observe(self, vehicle: VehicleState, now_ns: int) -> None:
-        self._observer.tick(now_ns)
+        self._sar.begin()
+        self._sar.slide(now_ns)
         target, p_m, frame = self._targets.target, vehicle.p_local_enu_m, self._frame
         if target is not None and p_m is not None:
             height_m = frame.ground_m + self._config.mission.takeoff_height_m

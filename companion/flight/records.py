@@ -45,6 +45,6 @@ class ObservedSetpoint:
 
 
 def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
-    """What a bearing made of the target; its place where the bearings cross."""
+    """What a bearing made of the target."""
     place = target.place(bearing.target_p_enu_m)
     return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)

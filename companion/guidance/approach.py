@@ -1,113 +1,117 @@
-"""The path under the set points: a leg, a pause until its bearing is there, the next leg."""
+"""The path under the set points: continuous, towards what is known of the target, wound so that no aperture is flat."""
 
 from __future__ import annotations
 
 import math
-from enum import Enum, auto
 from typing import Final
 
 from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint, Vector3
-from companion.guidance.leg import LegShape, plan_leg
+from companion.guidance.motion import Motion
+from companion.guidance.steering import Aim, climb, kept_inside, search, towards
 from companion.safety.gate import GateLimits
-from companion.sensing.iterations import SarIterations
 
 _YAW_RATE_RAD_S: Final = math.radians(30.0)
 _LONGEST_TICK_S: Final = 0.2
 _FENCE_MARGIN_M: Final = 0.3
 _PULL_PER_S: Final = 0.8
 """How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
-
-
-_NOWHERE: Final[Vector3] = (0.0, 0.0, 0.0)
-
-
-class _Phase(Enum):
-    REST = auto()
-    LEG = auto()
-    SETTLE = auto()
-    """At rest after a leg while late reverse channels still arrive."""
-    WAIT = auto()
-    """At rest while the worker computes."""
+_CIRCLE_M: Final = 0.4
+"""The circle around a target is so much wider than the least distance from it."""
+_SURE_WEAVE: Final = 0.45
+"""The share of the weave that is left while the direction is sure."""
+_WEAVE_GAIN: Final = 1.3
+"""The motion's filter takes this off the weave."""
 
 
 class Approach:
-    """Makes one set point for each tick. The position it commands never jumps: each leg starts where the last ended."""
+    """Makes one set point for each tick. Neither the position it commands nor its velocity ever jumps."""
 
-    def __init__(self, sar: SarIterations, mission: MissionConfig, length_m: float, settle_s: float) -> None:
-        self._sar = sar
-        self._height_m = mission.takeoff_height_m
-        self._settle_ns = round(settle_s * NS_PER_S)
-        self._shape = LegShape(
-            length_m, mission.lateral_weave_m, mission.vertical_weave_m, mission.speed_m_s, mission.acceleration_m_s2
-        )
-        self._phase = _Phase.REST
-        self._phase_ns = 0
-        self._side = 1
+    def __init__(self, mission: MissionConfig, limits: GateLimits, length_m: float) -> None:
+        """`length_m` of path are one turn of the weave."""
+        self._mission = mission
+        self._limits = limits
+        self._circle_m = limits.min_neighbour_m + _CIRCLE_M
+        self._turn_per_m = math.tau / length_m
         self._turns = mission.yaw == "target"
+        self._motion = Motion(mission.acceleration_m_s2)
         self._yaw_rad = 0.0
         self._tick_ns: int | None = None
-        self._at_m: Vector3 = _NOWHERE
-        self._moved_m: Vector3 = _NOWHERE
-        """By how much the local frame was set anew since the leg was planned."""
         self._ground_m = 0.0
+        self._side = 1
+        self._begin_path(0.0)
 
-    def start(self, p_local_enu_m: Vector3, yaw_enu_rad: float, ground_m: float = 0.0) -> None:
+    def start(
+        self,
+        p_local_enu_m: Vector3,
+        yaw_enu_rad: float,
+        ground_m: float = 0.0,
+        v_local_enu_m_s: Vector3 = (0.0, 0.0, 0.0),
+    ) -> None:
         """Begin from where the vehicle is, with the heading it has. It is kept, since the antenna hears all around,
         unless the nose is to turn to the target. Heights are counted from `ground_m` (Up), where it stood."""
-        self._at_m, self._yaw_rad, self._ground_m = p_local_enu_m, yaw_enu_rad, ground_m
-        self._moved_m = _NOWHERE
-        self._phase = _Phase.REST
+        self._motion.start(p_local_enu_m, v_local_enu_m_s)
+        self._yaw_rad, self._ground_m = yaw_enu_rad, ground_m
+        self._begin_path(yaw_enu_rad)
+        self._side = -self._side
         self._tick_ns = None
 
     def shift(self, delta_enu_m: Vector3) -> None:
         """The local frame was set anew: all places of it are `delta_enu_m` elsewhere, and nothing has moved."""
-        self._at_m = _sum(self._at_m, delta_enu_m)
-        self._moved_m = _sum(self._moved_m, delta_enu_m)
+        self._motion.shift(delta_enu_m)
         self._ground_m += delta_enu_m[2]
 
-    def setpoint(self, now_ns: int, azimuth_rad: float, moving: bool) -> Setpoint:
-        """The set point of this tick. A new leg goes along `azimuth_rad`; without `moving` the vehicle stands."""
-        if not moving:
-            self._enter(_Phase.REST, now_ns)
-            self._sar.abandon()
-        elif self._phase is _Phase.REST:
-            self._leg = plan_leg(self._at_m, azimuth_rad, self._ground_m + self._height_m, self._side, self._shape)
-            self._moved_m = _NOWHERE
-            self._side = -self._side
-            self._sar.begin()
-            self._enter(_Phase.LEG, now_ns)
-        velocity: Vector3 = (0.0, 0.0, 0.0)
-        elapsed_ns = now_ns - self._phase_ns
-        if self._phase is _Phase.LEG:
-            at_m, velocity = self._leg.at(elapsed_ns / NS_PER_S)
-            self._at_m = _sum(at_m, self._moved_m)
-            if elapsed_ns >= self._leg.duration_s * NS_PER_S:
-                self._enter(_Phase.SETTLE, now_ns)
-        elif self._phase is _Phase.SETTLE and elapsed_ns >= self._settle_ns:
-            self._sar.finish(self._phase_ns)
-            self._enter(_Phase.WAIT, now_ns)
-        elif self._phase is _Phase.WAIT and not self._sar.is_waiting:
-            self._enter(_Phase.REST, now_ns)
-        if self._turns:
-            self._turn(azimuth_rad, now_ns)
-        return Setpoint(now_ns, self._at_m, velocity, self._yaw_rad)
-
-    def _turn(self, azimuth_rad: float, now_ns: int) -> None:
-        """Nose towards the target, slowly: a fast turn swings the antenna."""
+    def setpoint(self, now_ns: int, aim: Aim | None, moving: bool) -> Setpoint:
+        """The set point of this tick: towards `aim`, searching without one; without `moving` the vehicle stops."""
         elapsed_s = 0.0 if self._tick_ns is None else (now_ns - self._tick_ns) / NS_PER_S
+        self._tick_ns = now_ns
+        wished = self._wished(aim) if moving else (0.0, 0.0, 0.0)
+        self._motion.step(kept_inside(wished, self._motion.p_m, self._limits), elapsed_s)
+        gone_m = math.hypot(*self._motion.v_m_s) * min(elapsed_s, _LONGEST_TICK_S)
+        self._phase_rad += self._turn_per_m * gone_m
+        self._searched_m += gone_m
+        if self._turns and aim is not None:
+            self._turn(aim.azimuth_rad, elapsed_s)
+        return Setpoint(now_ns, self._motion.p_m, self._motion.v_m_s, self._yaw_rad)
+
+    def _begin_path(self, heading_rad: float) -> None:
+        self._heading_rad, self._searched_m, self._phase_rad = heading_rad, 0.0, 0.0
+
+    def _wished(self, aim: Aim | None) -> Vector3:
+        mission = self._mission
+        share = 1.0 if aim is None else 1.0 - (1.0 - _SURE_WEAVE) * aim.sureness
+        across, up = self._weave(share)
+        forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
+        if aim is None:
+            ve, vn = search(self._searched_m, self._heading_rad, forward)
+        else:
+            self._begin_search_at(aim.azimuth_rad)
+            ve, vn = towards(aim, forward, self._circle_m, self._side)
+        speed = max(math.hypot(ve, vn), 1e-6)
+        ve, vn = ve - across * vn / speed, vn + across * ve / speed
+        height_m = self._ground_m + mission.takeoff_height_m
+        return ve, vn, climb(self._motion.p_m[2], height_m, mission.speed_m_s / 2) + up
+
+    def _begin_search_at(self, heading_rad: float) -> None:
+        """Where the next search begins: along the way it is flown now."""
+        self._heading_rad, self._searched_m = heading_rad, 0.0
+
+    def _weave(self, share: float) -> tuple[float, float]:
+        """Velocities [m/s] across and up of the helix: one turn in `length_m` of path, as wide as acceleration lets
+        it be."""
+        mission = self._mission
+        rate = self._turn_per_m * mission.speed_m_s
+        most_m = 0.8 * mission.acceleration_m_s2 / rate**2
+        across_m, up_m = (share * min(wide, most_m) for wide in (mission.lateral_weave_m, mission.vertical_weave_m))
+        gain = _WEAVE_GAIN * rate
+        return gain * across_m * math.cos(self._phase_rad), -gain * up_m * math.sin(self._phase_rad)
+
+    def _turn(self, azimuth_rad: float, elapsed_s: float) -> None:
+        """Nose towards the target, slowly: a fast turn swings the antenna."""
         most = _YAW_RATE_RAD_S * min(elapsed_s, _LONGEST_TICK_S)
         error = math.remainder(azimuth_rad - self._yaw_rad, math.tau)
         self._yaw_rad = math.remainder(self._yaw_rad + max(-most, min(most, error)), math.tau)
-        self._tick_ns = now_ns
-
-    def _enter(self, phase: _Phase, now_ns: int) -> None:
-        self._phase, self._phase_ns = phase, now_ns
-
-
-def _sum(a: Vector3, b: Vector3) -> Vector3:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:

@@ -7,20 +7,27 @@ from collections.abc import Mapping
 from typing import Final
 
 from companion.core.messages import Vector3
+from companion.guidance.steering import Aim
 from companion.guidance.tracker import Target, TargetTracker
 from companion.neighbours.neighbour import Neighbour
 from companion.sensing.records import Bearing
 
 _KNOWN_STD_M: Final = 1.0
 """A place that is less sure than this keeps nothing at a distance: it may be anywhere."""
-_AGREED: Final = 0.6
-"""The least share of bearings that point to a place before it may end the approach."""
+_CONFIRMED: Final = 1.0
+"""Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
 
 class Targets:
     """One tracker for each robot that is heard; `target` is the one that is flown to."""
 
-    def __init__(self, neighbours: Mapping[int, Neighbour], target: int) -> None:
+    def __init__(
+        self, neighbours: Mapping[int, Neighbour], target: int, arrival_range_m: float, arrival_confidence: float
+    ) -> None:
+        self._arrival_range_m = arrival_range_m
+        self._arrival_confidence = arrival_confidence
+        self._near = 0.0
+        """Apertures' worth of new packets for which the target has seemed near."""
         self._neighbours = neighbours
         self._target = target
         self._trackers: dict[int, TargetTracker] = {}
@@ -28,6 +35,7 @@ class Targets:
 
     def forget(self) -> None:
         self._trackers.clear()
+        self._near = 0.0
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -38,22 +46,34 @@ class Targets:
 
     def add(self, peer: int, bearing: Bearing) -> Target:
         """Takes a bearing; what is known of that robot now."""
-        found = self._found[peer] = self._trackers.setdefault(peer, TargetTracker()).add(bearing)
+        tracker = self._trackers.setdefault(peer, TargetTracker())
+        found = self._found[peer] = tracker.add(bearing)
+        if peer == self._target:
+            near = tracker.within(bearing.p_local_enu_m, bearing.target_p_enu_m, self._arrival_range_m)
+            self._near = self._near + bearing.fresh if near >= self._arrival_confidence else 0.0
         return found
 
     @property
     def target(self) -> Target | None:
         return self._found.get(self._target)
 
-    def is_near(self, p_local_enu_m: Vector3, arrival_range_m: float) -> bool:
-        """Whether the target, where its newest datagram says it has come to, is surely within the range of arrival."""
+    def aim(self, p_local_enu_m: Vector3) -> Aim | None:
+        """Where the target is from a place; None while nothing is known of it."""
         target = self.target
         place = self._place(self._target) if target is not None else None
         if target is None or place is None:
+            return None
+        east, north = place[0] - p_local_enu_m[0], place[1] - p_local_enu_m[1]
+        return Aim(math.atan2(north, east), math.hypot(east, north), target.range_std_m, target.probability)
+
+    def is_near(self, p_local_enu_m: Vector3) -> bool:
+        """Whether the target, where its newest datagram says it has come to, is within the range of arrival: surely,
+        and for as long as it takes to see that with new packets."""
+        newest = self._neighbours[self._target].newest_pose() if self._near >= _CONFIRMED else None
+        if newest is None or newest[0] != self._found[self._target].boot:
             return False
-        if target.agreement < _AGREED:
-            return False
-        return math.dist(p_local_enu_m, place) + 2 * target.range_std_m < arrival_range_m
+        near = self._trackers[self._target].within(p_local_enu_m, newest[1], self._arrival_range_m)
+        return near >= self._arrival_confidence
 
     def is_nearest(self, p_local_enu_m: Vector3) -> bool:
         """Whether of all places that are known the target's is the nearest."""

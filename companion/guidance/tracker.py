@@ -1,62 +1,70 @@
-"""Bearings from several places -> where the target is, and how sure that is.
+"""Bearings from several places -> where the target is, which other places may be it, and how sure that is.
 
-The posterior over a grid of places about the newest bearing's own, not a least squares of lines: bearings along one
-line of flight do not tell the range, and least squares then finds a place beside the vehicle as readily as one far
-away, with a small deviation there. A bearing may also be wrong altogether (a reflection): each is a mixture of itself
-and of nothing, by its reliability, so that one that disagrees with the others is outvoted.
+A particle filter over places of the target: everything an aperture saw counts, and places that explain it live on side
+by side until motion decides. The target may drive: it shares its own poses, so what is unknown, and the same for all
+bearings, is the origin of its frame in ours. Taken for standing, a target that drives across the line of sight would
+seem nearer than it is. The model is in docs/guidance.md.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
+from companion.guidance.likelihood import likelihood
 from companion.sensing.records import Bearing
+from wsr.aoa import Matrix3
 
-_Floats = npt.NDArray[np.floating[Any]]
-_KEPT: Final = 8
-_FLOOR_RAD: Final = math.radians(6.0)
-"""Pose drift, reflections and, near the target, curvature: no bound on noise knows them."""
-_DRIFT_M_S: Final = 0.02
-"""How fast the poses of the two robots part from the truth: 1.5 % of walking pace each."""
-_MOST_TRUSTED: Final = 0.9
-"""The share of bearings of reliability 1 that are of the direct path."""
-_REACH_M: Final = 40.0
-"""Targets are looked for up to here: radio does not reach much farther indoors."""
-_NEAREST_M: Final = 0.4
-_ONE_MODE_RAD: Final = math.radians(18.0)
-"""Places within this angle of the most likely one are the same target; others are rivals."""
-_STEP_RAD: Final = math.radians(7.5)
-_REFINEMENTS: Final = 4
+_Floats = npt.NDArray[np.float64]
+_PARTICLES: Final = 2000
+_RESAMPLE_BELOW: Final = 0.5
+_BORN: Final = 0.02
+"""Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
+_REACH_M: Final = (0.5, 40.0)
+"""Targets are looked for within: radio does not reach much farther indoors."""
+_SPREAD_RAD: Final = math.radians(10.0)
+_DRIFT: Final = 0.03
+"""Of the way both robots have gone: by so much their poses part from the truth."""
+_WALK_M_SQRT_S: Final = 0.02
+_HEADING_STD_RAD: Final = math.radians(5.0)
+"""By how much the bearings of one flight are turned together: the tracker's North is known no better."""
+_MODE_RAD: Final = math.radians(20.0)
+_MODE_RATIO: Final = 2.0
+"""Particles within this angle and this ratio of ranges from the densest one are one source."""
+_SAMPLED: Final = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another place that may be the target's, as the origin of its frame, with its probability."""
+
+    origin_local_enu_m: Vector3
+    probability: float
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the target is thought to be: azimuth from the newest bearing's place, and the range, whose deviation is of
-    the whole posterior: it is large while the bearings do not cross, or do not agree. Both are infinite for one."""
+    """Where the target is thought to be, seen from the newest bearing's place."""
 
     t_mono_ns: int
     azimuth_rad: float
-    origin_local_enu_m: Vector3 | None
-    """Origin of the target's own poses in the autopilot's local frame; None before there are two bearings."""
+    origin_local_enu_m: Vector3
+    """Mean of the origin of the target's own poses in the autopilot's local frame, of the likeliest source."""
+    covariance_m2: Matrix3
     boot: int
     range_m: float
     range_std_m: float
-    agreement: float = 0.0
-    """Share of the bearings kept that point there, in 0..1: where it is low, no place explains what was measured."""
+    probability: float
+    """Of that source."""
+    rivals: tuple[Rival, ...] = ()
 
-    def place(self, target_p_enu_m: Vector3) -> Vector3 | None:
-        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`; None before there
-        are two bearings."""
-        if self.origin_local_enu_m is None:
-            return None
+    def place(self, target_p_enu_m: Vector3) -> Vector3:
+        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`."""
         x, y, z = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
         return x, y, z
 
@@ -69,52 +77,157 @@ class TargetReport:
     peer: int
     iteration: int
     target: Target
-    p_local_enu_m: Vector3 | None
-    """Where the target was when the bearing was taken; None while the bearings do not cross."""
+    p_local_enu_m: Vector3
+    """Where the target was when the bearing was taken."""
 
 
 class TargetTracker:
-    """Keeps the newest bearings to one target and locates it.
-
-    The target may drive: it shares its own poses, so what is unknown, and the same for all bearings, is the origin of
-    its frame in ours. Taken for standing, a target that drives across the line of sight would seem nearer than it is.
-    """
+    """Takes bearings of one target. The same bearings give the same target."""
 
     def __init__(self) -> None:
-        self._bearings: deque[Bearing] = deque(maxlen=_KEPT)
+        self._rng = np.random.default_rng(_PARTICLES)
+        self._origins_m = np.zeros((0, 3))
+        self._heading_rad = np.zeros(0)
+        self._log_weight = np.zeros(0)
+        self._newest: Bearing | None = None
 
     def add(self, bearing: Bearing) -> Target:
-        """Takes the newest bearing. One of another boot of the target has another origin: older ones are forgotten."""
-        if self._bearings and self._bearings[-1].target_boot != bearing.target_boot:
-            self._bearings.clear()
-        self._bearings.append(bearing)
+        """Takes the newest bearing. One of another boot of the target has another origin: all before is forgotten."""
+        if self._newest is None or self._newest.target_boot != bearing.target_boot:
+            self._origins_m = self._drawn(bearing, _PARTICLES)
+            self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
+            self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+        else:
+            self._wander(self._newest, bearing)
+            self._weigh(bearing)
+            self._bear(bearing)
+        self._newest = bearing
+        self._resample()
         return self.target()
 
     def shift(self, delta_enu_m: Vector3) -> None:
-        """All places where bearings were taken are `delta_enu_m` elsewhere."""
-        for index, bearing in enumerate(self._bearings):
-            x, y, z = (p + d for p, d in zip(bearing.p_local_enu_m, delta_enu_m, strict=True))
-            self._bearings[index] = dataclasses.replace(bearing, p_local_enu_m=(x, y, z))
+        """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
+        self._origins_m = self._origins_m + np.array(delta_enu_m)
+        if self._newest is not None:
+            x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
+            self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
+
+    def within(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3, range_m: float) -> float:
+        """Probability that the target, whose own poses say `target_p_enu_m`, is within a range of a place."""
+        apart_m = self._origins_m + (np.array(target_p_enu_m) - np.array(p_local_enu_m))
+        near = np.einsum("nx,nx->n", apart_m, apart_m) < range_m**2
+        return float(np.exp(self._log_weight[near]).sum())
 
     def target(self) -> Target:
-        """What all bearings together say. Raises IndexError without bearings. Takes some milliseconds."""
-        newest = self._bearings[-1]
-        if len(self._bearings) == 1:
-            return Target(newest.t_mono_ns, newest.azimuth_rad, None, newest.target_boot, math.inf, math.inf)
-        weight = _posterior(list(self._bearings))
-        mode = _UNITS @ _UNITS[int(np.argmax(weight.sum(axis=1)))] > math.cos(_ONE_MODE_RAD)
-        in_mode = weight * mode[:, None]
-        # The median, since the far end of a range that is hardly known weighs most in a mean.
-        share = np.cumsum(in_mode.sum(axis=0)) / in_mode.sum()
-        range_m = float(np.exp(np.interp(0.5, share, np.log(_RANGES_M))))
-        towards = in_mode.sum(axis=1) @ _UNITS
-        offset = _refined(list(self._bearings), range_m * towards / np.linalg.norm(towards))
-        # Rivals in other directions count: while they live the range is not known.
-        std_m = math.sqrt(float(weight.sum(axis=0) @ (_RANGES_M - range_m) ** 2))
-        x, y, z = (_place(newest) + offset).tolist()
-        azimuth_rad = math.atan2(offset[1], offset[0])
-        agreement = float(np.mean(_goodness(list(self._bearings), offset)))
-        return Target(newest.t_mono_ns, azimuth_rad, (x, y, z), newest.target_boot, range_m, std_m, agreement)
+        """What all bearings together say. Raises AssertionError before the first."""
+        assert self._newest is not None
+        weight, here_m = np.exp(self._log_weight), _place(self._newest)
+        left, found = weight.copy(), list[tuple[float, npt.NDArray[np.intp]]]()
+        for _ in range(3):
+            members = self._densest(left, here_m)
+            found.append((float(left[members].sum()), members))
+            left[members] = 0.0
+            if left.sum() < 0.05:
+                break
+        found.sort(key=lambda mode: -mode[0])
+        probability, members = found[0]
+        mean_m, covariance = _moments(self._origins_m[members], weight[members])
+        offset_m = mean_m - here_m
+        range_m = float(np.linalg.norm(offset_m))
+        along = offset_m / max(range_m, 1e-9)
+        rivals = [Rival(_vector(_moments(self._origins_m[m], weight[m])[0]), p) for p, m in found[1:] if p > 0.02]
+        return Target(
+            t_mono_ns=self._newest.t_mono_ns,
+            azimuth_rad=math.atan2(offset_m[1], offset_m[0]),
+            origin_local_enu_m=_vector(mean_m),
+            covariance_m2=(_vector(covariance[0]), _vector(covariance[1]), _vector(covariance[2])),
+            boot=self._newest.target_boot,
+            range_m=range_m,
+            range_std_m=math.sqrt(float(along @ covariance @ along)),
+            probability=min(1.0, probability),
+            rivals=tuple(rivals),
+        )
+
+    def _densest(self, weight: _Floats, here_m: _Floats) -> npt.NDArray[np.intp]:
+        """Indices of the particles around the densest one."""
+        offsets_m = self._origins_m - here_m
+        range_m = np.maximum(np.linalg.norm(offsets_m, axis=1), 1e-3)
+        units, log_range = offsets_m / range_m[:, None], np.log(range_m)
+        chosen = np.argsort(-weight, kind="stable")[:_SAMPLED]
+        total = weight.sum()
+        picks = self._systematic(weight / total, _SAMPLED) if total > 0 else chosen
+        near = (units[picks] @ units[picks].T > math.cos(_MODE_RAD)) & (
+            np.abs(log_range[picks, None] - log_range[picks]) < math.log(_MODE_RATIO)
+        )
+        best = picks[int(np.argmax(near.sum(axis=1)))]
+        inside = (
+            (units @ units[best] > math.cos(_MODE_RAD))
+            & (np.abs(log_range - log_range[best]) < math.log(_MODE_RATIO))
+            & (weight > 0)
+        )
+        return np.flatnonzero(inside)
+
+    def _drawn(self, bearing: Bearing, count: int) -> _Floats:
+        """Origins (count, 3) where a bearing and the other paths of its aperture point, at all ranges."""
+        paths = [(bearing.azimuth_rad, bearing.polar_rad, 1.0)]
+        paths += [(p.azimuth_rad, p.polar_rad, 0.5 * min(1.0, p.relative_power)) for p in bearing.others]
+        shares = np.array([share for _, _, share in paths])
+        which = self._rng.choice(len(paths), count, p=shares / shares.sum())
+        azimuth, polar = (np.array([path[k] for path in paths])[which] for k in (0, 1))
+        azimuth = azimuth + self._rng.normal(0.0, _SPREAD_RAD, count)
+        polar = polar + self._rng.normal(0.0, _SPREAD_RAD, count)
+        if math.isinf(bearing.polar_std_rad):
+            polar = np.arccos(self._rng.uniform(-1.0, 1.0, count))
+        low, high = (math.log(reach) for reach in _REACH_M)
+        range_m = np.exp(self._rng.uniform(low, high, count))
+        units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+        return np.asarray(_place(bearing) + range_m[:, None] * units)
+
+    def _wander(self, before: Bearing, bearing: Bearing) -> None:
+        elapsed_s = max(0.0, bearing.t_mono_ns - before.t_mono_ns) / 1e9
+        gone_m = math.dist(before.p_local_enu_m, bearing.p_local_enu_m)
+        gone_m += math.dist(before.target_p_enu_m, bearing.target_p_enu_m)
+        std_m = math.hypot(_DRIFT * gone_m, _WALK_M_SQRT_S * math.sqrt(elapsed_s))
+        self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
+
+    def _weigh(self, bearing: Bearing) -> None:
+        """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
+        offsets_m = self._origins_m - _place(bearing)
+        c, s = np.cos(self._heading_rad), np.sin(self._heading_rad)
+        turned = np.stack(
+            [c * offsets_m[:, 0] - s * offsets_m[:, 1], s * offsets_m[:, 0] + c * offsets_m[:, 1], offsets_m[:, 2]],
+            axis=1,
+        )
+        log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned))
+        log_weight -= log_weight.max()
+        self._log_weight = log_weight - math.log(float(np.exp(log_weight).sum()))
+
+    def _bear(self, bearing: Bearing) -> None:
+        """The lightest particles die for new ones."""
+        count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
+        lightest = np.argpartition(self._log_weight, count)[:count]
+        self._origins_m[lightest] = self._drawn(bearing, count)
+        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(0.1)
+        self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
+
+    def _resample(self) -> None:
+        weight = np.exp(self._log_weight)
+        if 1.0 / float(weight @ weight) > _RESAMPLE_BELOW * _PARTICLES:
+            return
+        chosen = self._systematic(weight / weight.sum(), _PARTICLES)
+        assert self._newest is not None
+        here_m = _place(self._newest)
+        offsets_m = self._origins_m[chosen] - here_m
+        # Twins part: by a little in range, by less across.
+        offsets_m *= np.exp(self._rng.normal(0.0, 0.03, _PARTICLES))[:, None]
+        range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
+        self._origins_m = here_m + offsets_m + self._rng.normal(0.0, 0.01, offsets_m.shape) * range_m
+        self._heading_rad = self._heading_rad[chosen] + self._rng.normal(0.0, 0.1 * _HEADING_STD_RAD, _PARTICLES)
+        self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+
+    def _systematic(self, probability: _Floats, count: int) -> npt.NDArray[np.intp]:
+        at = (np.arange(count) + 0.5) / count
+        return np.minimum(np.searchsorted(np.cumsum(probability), at), len(probability) - 1)
 
 
 def _place(bearing: Bearing) -> _Floats:
@@ -122,103 +235,14 @@ def _place(bearing: Bearing) -> _Floats:
     return np.asarray(np.subtract(bearing.p_local_enu_m, bearing.target_p_enu_m))
 
 
-def _grid() -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Unit vectors (D, 3) of equal steps, ranges (R,) in equal ratios, and the prior weights of both."""
-    polar = np.arange(_STEP_RAD * 2.5, math.pi - _STEP_RAD * 2, _STEP_RAD)
-    azimuth = np.arange(-math.pi, math.pi - 1e-9, _STEP_RAD)
-    p, a = (grid.ravel() for grid in np.meshgrid(polar, azimuth, indexing="ij"))
-    units = np.stack([np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)], axis=1)
-    ranges_m = np.geomspace(_NEAREST_M, _REACH_M, 20)
-    # Along a line of sight every metre is as likely, and the steps grow with the range.
-    return tuple(values.astype(np.float32) for values in (units, ranges_m, np.sin(p), ranges_m))  # type: ignore[return-value]
+def _moments(points_m: _Floats, weight: _Floats) -> tuple[_Floats, _Floats]:
+    """Mean (3,) and covariance (3, 3)."""
+    share = weight / weight.sum()
+    mean_m = share @ points_m
+    centred = points_m - mean_m
+    return mean_m, np.asarray((share[:, None] * centred).T @ centred)
 
 
-_UNITS, _RANGES_M, _UNIT_PRIOR, _RANGE_PRIOR = _grid()
-_OFFSETS = _UNITS[:, None, :] * _RANGES_M[:, None]
-
-
-def _posterior(bearings: list[Bearing]) -> _Floats:
-    """Probability (D, R) of each direction and range from the newest bearing's place; they sum to 1."""
-    newest = bearings[-1]
-    log_weight = np.log(_UNIT_PRIOR)[:, None] + np.log(_RANGE_PRIOR)
-    for bearing in bearings:
-        moved = (_place(newest) - _place(bearing)).astype(np.float32)
-        log_weight = log_weight + np.log(_Misfit.of(bearing, _OFFSETS + moved, newest).density(bearing))
-    weight = np.exp(log_weight - log_weight.max())
-    return np.asarray(weight / weight.sum())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Misfit:
-    """By how much a bearing misses targets (...,): angles across and down, their variances, and the ranges."""
-
-    across_rad: _Floats
-    down_rad: _Floats
-    across_var: _Floats
-    down_var: _Floats
-    range_m: _Floats
-
-    @staticmethod
-    def of(bearing: Bearing, offsets: _Floats, newest: Bearing) -> _Misfit:
-        """For targets at `offsets` (..., 3) from the bearing's place."""
-        flat = np.hypot(offsets[..., 0], offsets[..., 1])
-        range_m = np.maximum(np.hypot(flat, offsets[..., 2]), np.float32(_NEAREST_M))
-        azimuth = bearing.azimuth_rad - np.arctan2(offsets[..., 1], offsets[..., 0])
-        azimuth -= math.tau * np.round(azimuth / math.tau)
-        down = bearing.polar_rad - np.arctan2(flat, offsets[..., 2])
-        drift_rad = _DRIFT_M_S * (newest.t_mono_ns - bearing.t_mono_ns) / 1e9 / range_m
-        least = _FLOOR_RAD**2 + drift_rad**2
-        # At the pole an azimuth means nothing: what it says across shrinks with the sine.
-        sine = flat / range_m
-        return _Misfit(
-            sine * azimuth,
-            down,
-            (sine * bearing.azimuth_std_rad) ** 2 + least,
-            bearing.polar_std_rad**2 + least,
-            range_m,
-        )
-
-    def density(self, bearing: Bearing) -> _Floats:
-        """Of the bearing, per steradian: a mixture of a good one and of one that says nothing."""
-        trusted = _MOST_TRUSTED * bearing.reliability
-        return trusted * self._good() + (1.0 - trusted) / (4.0 * math.pi)
-
-    def goodness(self, bearing: Bearing) -> float:
-        """Probability that the bearing is a good one, for one target."""
-        good = _MOST_TRUSTED * bearing.reliability * self._good()
-        return float(good / self.density(bearing))
-
-    def _good(self) -> _Floats:
-        across = np.exp(-0.5 * self.across_rad**2 / self.across_var) / np.sqrt(math.tau * self.across_var)
-        if np.isinf(self.down_var).any():
-            return np.asarray(across / math.pi)
-        down = np.exp(-0.5 * self.down_rad**2 / self.down_var) / np.sqrt(math.tau * self.down_var)
-        return np.asarray(across * down)
-
-
-def _goodness(bearings: list[Bearing], offset: _Floats) -> list[float]:
-    """Of each bearing: the probability that it is of a target at `offset` (3,) from the newest's place."""
-    here = offset + _place(bearings[-1])
-    return [_Misfit.of(b, here - _place(b), bearings[-1]).goodness(b) for b in bearings]
-
-
-def _refined(bearings: list[Bearing], offset: _Floats) -> _Floats:
-    """The offset (3,) from the newest place turned, at its range, to where the bearings that agree with it point."""
-    newest = bearings[-1]
-    offset = offset.astype(np.float64)
-    for _ in range(_REFINEMENTS):
-        range_m, flat_m = float(np.linalg.norm(offset)), max(math.hypot(offset[0], offset[1]), 1e-6)
-        left = np.array([-offset[1], offset[0], 0.0]) / flat_m
-        down = np.array([offset[0] * offset[2] / flat_m, offset[1] * offset[2] / flat_m, -flat_m]) / range_m
-        turn, weight = np.zeros(2), np.full(2, 1e-12)
-        for bearing in bearings:
-            misfit = _Misfit.of(bearing, offset + _place(newest) - _place(bearing), newest)
-            # A turn seen from here is less of a turn seen from farther away.
-            lever = range_m / float(misfit.range_m)
-            each = lever * misfit.goodness(bearing) / np.array([misfit.across_var, misfit.down_var])
-            turn += each * np.array([misfit.across_rad, misfit.down_rad])
-            weight += each * lever
-        step = turn / weight
-        offset = offset + range_m * (step[0] * left + step[1] * down)
-        offset *= range_m / np.linalg.norm(offset)
-    return offset
+def _vector(values: npt.NDArray[Any]) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z

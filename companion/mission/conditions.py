@@ -50,7 +50,7 @@ class Situation:
     """The tracker itself shows that it has lost itself."""
     target_age_s: float
     """Since the target was last heard, by its packets and by its datagrams, whichever is older."""
-    blind_legs: int
+    blind_legs: float
     """Legs flown since the newest bearing that may steer."""
     tries: int
     """Times the vehicle has held since then."""
@@ -70,7 +70,7 @@ class ConditionLimits:
     pose_stale_s: float
     pose_lost_s: float
     silent_s: float
-    blind_legs: int
+    blind_legs: float
     min_battery: float
     approach_s: float
     hold_s: float

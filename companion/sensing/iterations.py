@@ -1,4 +1,4 @@
-"""SAR iterations: cut the apertures of one leg, have them computed, and turn the answers into bearings."""
+"""SAR iterations: cut apertures out of the flight, have them computed, and turn the answers into bearings."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ from companion.sensing.worker_wire import AoaResult
 from wsr.aperture import Aperture
 
 _LOCAL_CAPACITY = 20 * 120
+_LONGEST_S = 20.0
+"""A path that takes longer than this has no aperture: poses drift, and nobody wants an old bearing."""
 
 
 class Worker(Protocol):
@@ -66,6 +68,9 @@ class SarIterations:
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
         self._begun_ns: int | None = None
         self._finished_ns: int | None = None
+        self._looked_ns = 0
+        self._measured_ns: dict[int, int] = {}
+        """By peer: the end of what apertures have seen so far."""
         self._number = 0
         self.iterations = Output[Iteration]()
 
@@ -73,23 +78,36 @@ class SarIterations:
         self._local.append(t_ns, p_local_enu_m)
 
     def begin(self) -> None:
-        """From here on packets belong to the next iteration."""
-        self._begun_ns = self._clock.now_ns()
+        """From here on the flight is measured, if it is not already."""
+        if self._begun_ns is None:
+            self._begun_ns = self._clock.now_ns()
 
     def abandon(self) -> None:
-        """Nothing comes of the iteration that has begun, if one has."""
+        """Nothing comes of the flight so far: the next aperture begins after the next `begin`."""
         self._begun_ns = None
 
     @property
     def is_measuring(self) -> bool:
-        """Whether an iteration has begun and not ended."""
+        """Whether the flight is measured."""
         return self._begun_ns is not None
 
-    def finish(self, end_ns: int) -> None:
-        """Cuts the apertures of all neighbours from the beginning to `end_ns` and hands them to the worker."""
-        if self._begun_ns is None:
+    def slide(self, now_ns: int) -> None:
+        """Cuts the newest aperture of every neighbour when one is due: each `period_s`, out of the newest `length_m` of
+        path. None is cut while answers are waited for, so that none queues up. Reverse channels have `settle_s` to
+        arrive, which nobody stands still for: the aperture ends that long ago."""
+        due = now_ns - self._looked_ns >= self._config.period_s * NS_PER_S
+        if self._begun_ns is None or self._pending or not due:
             return
-        start_ns, self._begun_ns = self._begun_ns, None
+        self._looked_ns = now_ns
+        end_ns = now_ns - round(self._config.settle_s * NS_PER_S)
+        begun_ns = max(self._begun_ns, end_ns - round(_LONGEST_S * NS_PER_S))
+        start_ns = self._window.start_of_path(begun_ns, end_ns, self._config.length_m)
+        if start_ns is None and begun_ns > self._begun_ns:
+            self._begun_ns = start_ns = begun_ns
+        if start_ns is not None:
+            self._cut(start_ns, end_ns)
+
+    def _cut(self, start_ns: int, end_ns: int) -> None:
         self._finished_ns = self._clock.now_ns()
         spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
@@ -104,8 +122,11 @@ class SarIterations:
                 self._pending[self._worker.submit(report.peer, report.aperture)] = number, report
 
     def path_length_m(self) -> float:
-        """Path of the antenna since `begin`, by the pose source."""
-        return 0.0 if self._begun_ns is None else self._window.path_length_m(self._begun_ns, self._clock.now_ns())
+        """Path of the antenna that the next aperture can be cut from, by the pose source."""
+        if self._begun_ns is None:
+            return 0.0
+        now_ns = self._clock.now_ns()
+        return self._window.path_length_m(max(self._begun_ns, now_ns - round(_LONGEST_S * NS_PER_S)), now_ns)
 
     @property
     def is_ready(self) -> bool:
@@ -117,11 +138,6 @@ class SarIterations:
         if not self._pending or self._finished_ns is None:
             return 0.0
         return (self._clock.now_ns() - self._finished_ns) / NS_PER_S
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether results are still to come."""
-        return bool(self._pending)
 
     def take_answer(self, result: AoaResult) -> None:
         """The worker has answered."""
@@ -138,7 +154,7 @@ class SarIterations:
 
     def _end(self, number: int, report: ApertureReport, result: AoaResult) -> None:
         iteration = self._iteration(number, report, result)
-        doubt = self._lookalikes.add(iteration.peer, iteration.start_ns, result.profile)
+        doubt = self._lookalikes.add(iteration.peer, iteration.start_ns, iteration.end_ns, result.profile)
         if doubt:
             iteration = replace(iteration, estimate=None, refusal=doubt)
         self._recorder.record(BEARING, iteration.reference_ns, iteration)
@@ -147,6 +163,8 @@ class SarIterations:
         self.iterations.give(iteration)
 
     def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
+        seen_ns = max(report.start_ns, self._measured_ns.get(report.peer, 0))
+        self._measured_ns[report.peer] = max(seen_ns, report.end_ns)
         reference_ns, peer_p_enu_m = report.end_ns, None
         if result.estimate is not None:
             reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
@@ -156,11 +174,13 @@ class SarIterations:
             peer=report.peer,
             start_ns=report.start_ns,
             end_ns=report.end_ns,
+            fresh=max(0, report.end_ns - seen_ns) / max(1, report.end_ns - report.start_ns),
             reference_ns=reference_ns,
             p_local_enu_m=self._local_position(reference_ns),
             peer_p_enu_m=peer_p_enu_m,
             peer_boot=report.peer_boot,
             received=report.received,
+            power_dbm=report.power_dbm,
             dropped=report.dropped,
             compute_s=result.compute_s,
             estimate=result.estimate,

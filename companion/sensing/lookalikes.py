@@ -31,11 +31,16 @@ class Lookalikes:
         self._profiles: dict[int, dict[int, npt.NDArray[np.float32]]] = {}
         """By the start of the iteration, then by peer."""
         self._streak: dict[tuple[int, int], int] = {}
+        self._until_ns = 0
 
-    def add(self, peer: int, start_ns: int, profile: bytes) -> str:
-        """A profile (180, 360) as float16 bytes of the iteration that began at `start_ns`, empty for a refusal. Returns
-        why nothing may come of this iteration, or nothing."""
+    def add(self, peer: int, start_ns: int, end_ns: int, profile: bytes) -> str:
+        """A profile (180, 360) as float16 bytes of an aperture between two times, empty for a refusal. Returns why
+        nothing may come of this iteration, or nothing. Apertures that share packets with one that was compared are
+        not: they are alike for that."""
+        if self._profiles and start_ns not in self._profiles and start_ns < self._until_ns:
+            profile = b""
         if profile:
+            self._until_ns = end_ns
             others = self._profiles.setdefault(start_ns, {})
             ours = outstanding(np.frombuffer(profile, np.float16).astype(np.float32))
             for other, theirs in others.items():

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from companion.core.messages import Vector3
 from wsr.aoa import AoaEstimate
 from wsr.crb.informativeness import Informativeness
+from wsr.peaks import Peak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +23,8 @@ class Iteration:
     peer: int
     start_ns: int
     end_ns: int
+    fresh: float
+    """Share of its time that no iteration of this peer before had, in 0..1: apertures of one flight overlap."""
     reference_ns: int
     """Time of the reference point; `end_ns` when there is no estimate."""
     p_local_enu_m: Vector3 | None
@@ -31,6 +34,8 @@ class Iteration:
     peer_boot: int
     """Boot of the peer in which that frame holds."""
     received: int
+    power_dbm: float
+    """Mean power of the packets received."""
     dropped: Mapping[str, int]
     compute_s: float
     estimate: AoaEstimate | None
@@ -55,6 +60,10 @@ class Iteration:
             target_p_enu_m=self.peer_p_enu_m,
             target_boot=self.peer_boot,
             reliability=estimate.reliability,
+            range_m=estimate.range_m,
+            range_std_m=estimate.range_std_m,
+            others=estimate.paths[1:],
+            fresh=self.fresh,
         )
 
 
@@ -96,3 +105,10 @@ class Bearing:
     target_p_enu_m: Vector3
     target_boot: int
     reliability: float
+    range_m: float | None = None
+    """By the curvature of the wave front; None where it does not show."""
+    range_std_m: float = math.inf
+    others: tuple[Peak, ...] = ()
+    """Other paths the aperture found."""
+    fresh: float = 1.0
+    """The share of its packets that no bearing before had."""

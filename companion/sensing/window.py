@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -30,7 +31,8 @@ _REVERSE_LEAD_NS = NS_PER_S  # a reverse channel may arrive before its forward o
 _REMAP_NS = NS_PER_S  # a packet's time may move by so much while the relation of the clocks is young
 _WEAK_COUNTS = 1.0  # CSI parts are whole numbers: below one count there is quantisation and no signal
 _NO_FRAME = -1
-_FRAME, _NIC, _T = 0, 1, 2
+_PATH_STEP_NS = NS_PER_S // 20
+_FRAME, _NIC, _T, _POWER = 0, 1, 2, 3
 
 Times = npt.NDArray[np.int64]
 
@@ -44,6 +46,8 @@ class ApertureReport:
     end_ns: int
     received: int
     """Forward packets heard in the time of the aperture."""
+    power_dbm: float
+    """Their mean power; NaN without packets."""
     dropped: Mapping[str, int]
     """Packets left out, per reason."""
     aperture: Aperture | None = None
@@ -62,11 +66,11 @@ class ApertureReport:
 
 
 class _Heard:
-    """Packets of one peer over one grid of subcarriers: counter, NIC stamp and time, and their channels in counts of
+    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, and their channels in counts of
     the card (half precision keeps a 5300's whole numbers exactly). Rows are ordered by when they were read."""
 
     def __init__(self, like: ChannelSample) -> None:
-        self.stamps = History(_SAMPLE_CAPACITY, 3)
+        self.stamps = History(_SAMPLE_CAPACITY, 4)
         self.csi = History(_SAMPLE_CAPACITY, like.csi.size * 2, np.float16)
         self.shape = like.csi.shape
         self.subcarrier_hz = like.subcarrier_hz
@@ -77,7 +81,8 @@ class _Heard:
         # The mapped times of a young clock relation may step back a little.
         key_ns = sample.t_mono_ns if newest is None else max(newest, sample.t_mono_ns)
         self.stamps.append(
-            key_ns, (_NO_FRAME if sample.frame is None else sample.frame, sample.nic_us, sample.t_mono_ns)
+            key_ns,
+            (_NO_FRAME if sample.frame is None else sample.frame, sample.nic_us, sample.t_mono_ns, sample.power_dbm),
         )
         self.csi.append(key_ns, np.ascontiguousarray(sample.csi).view(np.float32).ravel())
 
@@ -118,12 +123,24 @@ class SarWindow:
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         """Length of the antenna's path, sampled at 20 Hz so that pose jitter does not count as motion."""
+        return float(self._path(start_ns, end_ns)[1].sum())
+
+    def start_of_path(self, not_before_ns: int, end_ns: int, length_m: float) -> int | None:
+        """The latest time from which the antenna has gone `length_m` until `end_ns`; None when it has not."""
+        t_ns, steps_m = self._path(not_before_ns, end_ns)
+        gone_m = np.cumsum(steps_m[::-1])
+        if not len(gone_m) or gone_m[-1] < length_m:
+            return None
+        return int(t_ns[len(gone_m) - 1 - int(np.searchsorted(gone_m, length_m))])
+
+    def _path(self, start_ns: int, end_ns: int) -> tuple[Times, npt.NDArray[np.float64]]:
+        """Times (N,) [ns] and the lengths (N - 1,) [m] of the steps between them."""
         t_ns, p_m = self._antenna(start_ns, end_ns)
         if len(t_ns) < 2:
-            return 0.0
-        at = np.arange(t_ns[0], t_ns[-1], NS_PER_S // 20)
+            return t_ns, np.zeros(0)
+        at = np.arange(max(start_ns, t_ns[0]), min(end_ns, t_ns[-1]) + 1, _PATH_STEP_NS)
         coarse = np.stack([np.interp(at, t_ns, p_m[:, axis]) for axis in range(3)], axis=1)
-        return float(np.linalg.norm(np.diff(coarse, axis=0), axis=1).sum())
+        return at, np.linalg.norm(np.diff(coarse, axis=0), axis=1)
 
     def cut(self, neighbour: Neighbour, start_ns: int, end_ns: int) -> ApertureReport:
         """The aperture of the packets that `neighbour` sent between two times [ns]. Never raises for bad data: a
@@ -131,7 +148,12 @@ class SarWindow:
         forward = self._forward(neighbour.id, start_ns, end_ns)
         dropped: dict[str, int] = {}
         report = ApertureReport(
-            peer=neighbour.id, start_ns=start_ns, end_ns=end_ns, received=len(forward.t_ns), dropped=dropped
+            peer=neighbour.id,
+            start_ns=start_ns,
+            end_ns=end_ns,
+            received=len(forward.t_ns),
+            power_dbm=forward.power_dbm,
+            dropped=dropped,
         )
         try:
             aperture, peer_p_m = self._join(neighbour, forward, start_ns, dropped)
@@ -166,6 +188,7 @@ class SarWindow:
             csi,
             heard.subcarrier_hz,
             heard.half_turns,
+            _mean_dbm(stamps[inside, _POWER]),
         )
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
@@ -243,6 +266,8 @@ class _Forward:
     csi: npt.NDArray[np.complex64]
     subcarrier_hz: npt.NDArray[np.float64] | None = None
     half_turns: bool = False
+    power_dbm: float = math.nan
+    """Mean of their powers."""
 
 
 def _pair_by_time(
@@ -256,6 +281,11 @@ def _pair_by_time(
             f"the packets of {neighbour.name} have no counters, and no lag between both series of times stands out"
         )
     return match(ours_ns, theirs_ns, lag_ns)
+
+
+def _mean_dbm(power_dbm: npt.NDArray[np.float64]) -> float:
+    """Of the powers themselves, so that fading does not count twice."""
+    return 10 * math.log10(float(np.mean(10 ** (power_dbm / 10)))) if len(power_dbm) else math.nan
 
 
 def _most_common(antenna: npt.NDArray[np.uint8]) -> int:

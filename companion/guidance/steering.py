@@ -1,0 +1,82 @@
+"""Which way to fly: a velocity for where the vehicle is and for what is known of the target. Pure, without memory."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from companion.core.messages import Vector3
+from companion.safety.gate import GateLimits
+
+_RADIAL_PER_S: Final = 0.6
+"""Metres too far from the circle around the target to m/s."""
+_HEIGHT_PER_S: Final = 0.5
+_FENCE_MARGIN_M: Final = 0.6
+_FENCE_PER_S: Final = 0.5
+_LEAD_RAD: Final = math.radians(25.0)
+"""How far beside the target the vehicle flies while its range is not known at all: bearings from one line of flight do
+not cross."""
+_VAGUE: Final = 0.5
+"""A range of this relative deviation, or more, is not known at all."""
+_SEARCH_RADIUS_M: Final = 0.6
+_SEARCH_GROWTH_M: Final = 0.35
+"""By which the circle of a search is wider after each turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """What is known of the target from where the vehicle is: azimuth, how far it is on the level, the deviation of that
+    (infinite where nothing crosses), and how sure the direction is, 0..1."""
+
+    azimuth_rad: float
+    distance_m: float
+    distance_std_m: float
+    sureness: float
+
+
+def towards(aim: Aim, speed_m_s: float, circle_m: float, side: int) -> tuple[float, float]:
+    """East and North [m/s] towards the target, beside it while its range is vague, and around it on a circle of
+    `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""
+    inwards = max(-speed_m_s, min(speed_m_s, _RADIAL_PER_S * (aim.distance_m - circle_m)))
+    known = math.isfinite(aim.distance_m)
+    vague = min(1.0, aim.distance_std_m / max(aim.distance_m, 0.1) / _VAGUE) if known else 1.0
+    inwards = min(inwards, speed_m_s * math.cos(vague * _LEAD_RAD))
+    around = side * math.sqrt(max(0.0, speed_m_s**2 - inwards**2))
+    c, s = math.cos(aim.azimuth_rad), math.sin(aim.azimuth_rad)
+    return inwards * c - around * s, inwards * s + around * c
+
+
+def search(flown_m: float, heading_rad: float, speed_m_s: float) -> tuple[float, float]:
+    """East and North [m/s] of a widening spiral, `flown_m` after its beginning along `heading_rad`: a path that tells
+    all directions apart."""
+    # Of a spiral whose radius grows by g in each turn: flown = 2 pi n (r0 + g n / 2) after n turns.
+    g, r0 = _SEARCH_GROWTH_M, _SEARCH_RADIUS_M
+    turns = (math.sqrt(r0**2 + g * flown_m / math.pi) - r0) / g
+    angle = heading_rad + math.tau * turns
+    return speed_m_s * math.cos(angle), speed_m_s * math.sin(angle)
+
+
+def climb(p_up_m: float, wanted_up_m: float, most_m_s: float) -> float:
+    """Up [m/s] to the wanted height."""
+    return max(-most_m_s, min(most_m_s, _HEIGHT_PER_S * (wanted_up_m - p_up_m)))
+
+
+def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
+    """The velocity without what would take it too near to the fence, box and cylinder, or to the least height."""
+    low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
+    x, y, z = (
+        max(_FENCE_PER_S * (a + _margin(a, b) - p), min(_FENCE_PER_S * (b - _margin(a, b) - p), v))
+        for v, p, a, b in zip(v_m_s, p_m, low, limits.fence_max_m, strict=True)
+    )
+    out_m = math.hypot(p_m[0], p_m[1])
+    if out_m > 1e-6:
+        ux, uy = p_m[0] / out_m, p_m[1] / out_m
+        too_fast = x * ux + y * uy - _FENCE_PER_S * (limits.fence_radius_m - _FENCE_MARGIN_M - out_m)
+        if too_fast > 0:
+            x, y = x - too_fast * ux, y - too_fast * uy
+    return x, y, z
+
+
+def _margin(low: float, high: float) -> float:
+    return min(_FENCE_MARGIN_M, (high - low) / 2)
