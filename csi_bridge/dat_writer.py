@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from csi_bridge.dat import DatFileError
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.records import CSI_CODE, CsiRecord
 

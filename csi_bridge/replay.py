@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from csi_bridge.clock import median_of_five
-from csi_bridge.dat import Content, DatFileError, frame_offsets
+from csi_bridge.dat_frames import Content, DatFileError, frame_offsets
 from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
 from csi_bridge.parser import HEADER, STAMP, body_shape

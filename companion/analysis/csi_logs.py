@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
-from csi_bridge.dat import CsiLog, DatFileError, read_dat
+from csi_bridge.dat import CsiLog, read_dat
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.feitcsi.channel import channel
 from csi_bridge.feitcsi.clock import fine_us, unwrapped_us
 from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log

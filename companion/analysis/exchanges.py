@@ -13,7 +13,9 @@ import numpy.typing as npt
 from companion.analysis.runs import KNOWN_TRANSMITTERS
 from companion.errors import CompanionError
 from csi_bridge.clock import host_times_s
-from csi_bridge.dat import CsiLog, DatFileError, Wanted, read_dat
+from csi_bridge.dat import CsiLog, read_dat
+from csi_bridge.dat_frames import DatFileError
+from csi_bridge.dat_wanted import Wanted
 from csi_bridge.scaling import are_40mhz, without_spatial_mapping
 from wsr.channel import centre_channel, pair_by_counter, pair_by_time, strongest_antenna
 from wsr.reduced import as_sent

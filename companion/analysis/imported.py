@@ -34,7 +34,7 @@ from companion.log.export import export as export_flight
 from companion.log.reader import LogScan, Progress, Session
 from companion.log.writer import LogWriter
 from companion.pose.trajectory_columns import TrajectoryError
-from csi_bridge.dat import DatFileError
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.encoder import encode_file_record
 from csi_bridge.replay import read_tape
 

@@ -17,7 +17,8 @@ from companion.analysis.trajectories import PoseKind, RecordedTrajectory, guess_
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
 from csi_bridge.clock import host_step
-from csi_bridge.dat import CsiLog, Wanted
+from csi_bridge.dat import CsiLog
+from csi_bridge.dat_wanted import Wanted
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions, interpolate
 

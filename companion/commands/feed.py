@@ -13,7 +13,7 @@ from rich.progress import Progress
 from companion.commands.output_files import write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.errors import CompanionError
-from csi_bridge.dat import DatFileError
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.feitcsi.netlink import VendorEventFeeder, port_has_listener, vendor_events_available
 from csi_bridge.netlink import (
     DEFAULT_CONNECTOR_IDX,

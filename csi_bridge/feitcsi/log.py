@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from csi_bridge.dat import DatFileError
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.parser import FeitLogParser, next_record_at, record_size
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord

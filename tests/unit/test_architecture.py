@@ -1,4 +1,5 @@
-"""The house: no files stand on each other in a circle, the root stays small, the camera's reader needs nothing.
+"""The house: no files stand on each other in a circle, the root stays small, the camera's reader needs nothing, `wsr`
+is maths, and tests stand where the module's name leads.
 
 Which room may stand on which is a contract of import-linter in pyproject.toml.
 """
@@ -15,9 +16,15 @@ import grimp
 import pytest
 
 import companion
+import wsr
 from tests.paths import ROOT
 
 _ROOT_MODULES = {"__init__", "__main__", "app", "cli", "errors"}
+_OF_NO_MODULE = {"wsr/test_errata.py"}
+"""The paper's equations as printed, which stand in no module because they do not hold."""
+_MATHS = {"__future__", "collections", "dataclasses", "functools", "math", "numba", "numpy", "typing", "wsr"}
+_NO_MATHS = {"open", "print", "input", "exec", "eval", "__import__"}
+_WSR = sorted(Path(wsr.__path__[0]).rglob("*.py"))
 
 
 def test_no_circle_of_files() -> None:
@@ -44,3 +51,35 @@ def test_the_camera_reader_imports_where_nothing_is_installed() -> None:
     program = f"import sys; sys.path.insert(0, {str(ROOT)!r}); import companion.pose.t265_reader"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+def test_tests_stand_where_the_name_of_their_module_leads() -> None:
+    """tests/unit/<room>/test_<name>.py holds the tests of <room>/<name>.py, or of the package <room>/<name>."""
+    unit = ROOT / "tests" / "unit"
+    files = {path.relative_to(unit).as_posix(): path for path in unit.rglob("test_*.py") if path.parent != unit}
+    assert files.keys() >= _OF_NO_MODULE
+    strays = []
+    for name in files.keys() - _OF_NO_MODULE:
+        module = ROOT / name.replace("test_", "", 1)
+        if not module.is_file() and not module.with_suffix("").joinpath("__init__.py").is_file():
+            strays.append(name)
+    assert not strays, f"{', '.join(sorted(strays))}: there is no such module; its tests belong to those they test"
+
+
+@pytest.mark.parametrize("module", _WSR, ids=lambda module: module.name)
+def test_a_module_of_wsr_imports_and_calls_nothing_outside_maths(module: Path) -> None:
+    """No file, socket, clock, log, plot or event loop may come in, directly or by import."""
+    for node in ast.walk(ast.parse(module.read_text())):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            assert node.func.id not in _NO_MATHS, f"{module.name} calls {node.func.id}"
+        for name in names:
+            assert name.split(".")[0] in _MATHS, f"{module.name} imports {name}"
+
+
+def test_modules_of_wsr_are_found() -> None:
+    assert {"aoa.py", "kernel.py"} <= {module.name for module in _WSR}

@@ -15,10 +15,8 @@ from benchmarks.simulated import (
     pose_error_rows,
     simulated,
 )
-from wsr.drift import is_told_apart
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
-from wsr.focus import Focus
 
 
 def test_errors_reach_the_bound_with_unknown_phase() -> None:
@@ -76,11 +74,3 @@ def test_the_linear_phase_is_found_where_it_is_and_not_in_noise() -> None:
     assert error_rad(trial, found)[2] < 0.2 * error_rad(trial, without.estimate(trial.aperture)[0])[2]
     clean = simulated(rng, path, 10.0, 5.0)
     assert with_.estimate(clean.aperture)[0].drift_turns == 0.0
-
-
-def test_a_line_does_not_tell_a_linear_phase_from_a_direction() -> None:
-    tau = np.linspace(-0.5, 0.5, 200)
-    line = np.outer(tau, [0.8, 0.5, 0.1]) + 1e-3 * np.random.default_rng(1).normal(size=(200, 3))
-    focus = Focus(0.4, 1.4, None, 0.5)
-    assert not is_told_apart(line, tau, WAVELENGTH_M, focus)
-    assert is_told_apart(arbitrary_path(np.random.default_rng(2), packets=200), tau, WAVELENGTH_M, focus)

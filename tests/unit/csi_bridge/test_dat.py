@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from csi_bridge.dat import CsiLog, DatFileError, read_dat
+from csi_bridge.dat import CsiLog, read_dat
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.encoder import encode_body, encode_file_record, encode_log
 from csi_bridge.parser import CsiLogParser
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord

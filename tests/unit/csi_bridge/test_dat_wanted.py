@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from csi_bridge import dat
-from csi_bridge.dat import Wanted, read_dat
+from csi_bridge import dat_frames, dat_wanted
+from csi_bridge.dat import read_dat
+from csi_bridge.dat_wanted import Wanted
 from tests.csi_bytes import later
 from tests.synthetic_run import EXCHANGES, START_S, RunFolder, write_run
 
 _READS = """
 import resource, sys
-from csi_bridge.dat import Wanted, read_dat
+from csi_bridge.dat import read_dat
+from csi_bridge.dat_wanted import Wanted
 read_dat(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 log = read_dat(sys.argv[2], Wanted((float(sys.argv[3]), float(sys.argv[4]))))
@@ -38,7 +40,7 @@ def long_log(run: RunFolder, path: Path, times: int) -> int:
 
 
 def test_records_of_a_time_and_of_counters_are_kept(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dat, "_NEIGHBOURS", 50)
+    monkeypatch.setattr(dat_wanted, "_NEIGHBOURS", 50)
     whole = read_dat(run.rx)
     assert whole.left_out_count == 0 and whole.left_out_s is None
     some = read_dat(run.rx, Wanted(counters=(101, 150)))
@@ -52,7 +54,7 @@ def test_records_of_a_time_and_of_counters_are_kept(run: RunFolder, monkeypatch:
 
 
 def test_neighbours_show_a_clock_that_was_set(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dat, "_NEIGHBOURS", 50)
+    monkeypatch.setattr(dat_wanted, "_NEIGHBOURS", 50)
     run.rx.write_bytes(later(run.rx.read_bytes(), 100, 1e6))
     kept = read_dat(run.rx, Wanted((START_S, START_S + 10)))
     assert 150 <= len(kept) <= 200
@@ -66,7 +68,7 @@ def test_a_mapped_file_is_read_as_one_that_is_read_whole(
     long_log(run, path, 6)
     path.write_bytes(path.read_bytes()[:100] + b"damage" + path.read_bytes()[100:])
     whole = read_dat(path, wanted)
-    monkeypatch.setattr(dat, "_MAPPED_BYTES", 1000)
+    monkeypatch.setattr(dat_frames, "_MAPPED_BYTES", 1000)
     mapped = read_dat(path, wanted)
     for name in ("csi", "host_time_s", "mac", "frame_count", "malformed_count", "skipped_bytes", "left_out_count"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(mapped, name))

@@ -9,7 +9,8 @@ import csiread
 import numpy as np
 import pytest
 
-from csi_bridge.dat import DatFileError, frame_offsets, read_dat
+from csi_bridge.dat import read_dat
+from csi_bridge.dat_frames import DatFileError, frame_offsets
 from csi_bridge.dat_writer import DatWriter
 from csi_bridge.parser import parse_body
 from csi_bridge.records import MPDU_CODE, CsiRecord

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from csi_bridge.dat import DatFileError, read_dat
+from csi_bridge.dat import read_dat
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.replay import read_tape
 
 NEXMON = (

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.records import HEADER_BYTES
 from csi_bridge.replay import Tape, play, read_tape
 from tests.csi_bytes import changed, later
+from tests.feit_records import record
 from tests.synthetic_run import RunFolder
 
 YEARS_S = 53 * 365.25 * 86400
@@ -70,3 +75,34 @@ def test_play_ends_with_the_card_and_not_with_the_wall_clock(run: RunFolder) -> 
     assert isinstance(tape, Tape)
     assert list(play(tape, taken, 1000.0, lambda: float(next(now_s))))[-1] == (500, 500)
     assert taken.count == 500
+
+
+FEIT_STEP_US = 10_000
+FEIT_HOST_US = 1_700_000_000_000_000
+
+
+def feit_log(*, host_step_us: int | None) -> bytes:
+    """Twenty reports 10 ms apart; the host's clock, if there is one, is set by so much before the eleventh."""
+    reports = []
+    for number in range(20):
+        report = record(seed=number, stamp_us=number * FEIT_STEP_US)
+        if host_step_us is not None:
+            report = replace(report, host_time_us=FEIT_HOST_US + number * FEIT_STEP_US + host_step_us * (number >= 10))
+        reports.append(encode_record(report))
+    return b"".join(reports)
+
+
+@pytest.mark.parametrize("host_step_us", [None, 0, 30_000_000, -30_000_000])
+def test_reports_of_an_ax_card_are_due_by_its_clock(host_step_us: int | None, tmp_path: Path) -> None:
+    (tmp_path / "log").write_bytes(feit_log(host_step_us=host_step_us))
+    tape = read_tape(tmp_path / "log")
+    assert tape.is_feitcsi and tape.is_wall_time == (host_step_us is not None)
+    np.testing.assert_allclose(tape.due_s, np.arange(20) * FEIT_STEP_US * 1e-6, atol=FEIT_STEP_US * 1e-6 + 1e-6)
+    assert np.all(np.diff(tape.t_s) >= 0)
+
+
+def test_damage_at_the_beginning_does_not_hide_an_ax_cards_log(tmp_path: Path) -> None:
+    data = feit_log(host_step_us=None)
+    (tmp_path / "log").write_bytes(bytes(HEADER_BYTES) + data[HEADER_BYTES:])
+    tape = read_tape(tmp_path / "log")
+    assert tape.is_feitcsi and len(tape.records) == 19

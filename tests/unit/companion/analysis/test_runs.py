@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from companion.analysis.runs import RecordingError, find_runs, loose_run, read_truth
-from companion.analysis.trajectories import PoseKind, read_trajectory
-from companion.pose.trajectory_columns import TrajectoryError
+from companion.analysis.trajectories import PoseKind
 from tests.csi_records import needs_data
 from tests.paths import DATA
 
@@ -114,56 +112,6 @@ def test_loose_files_are_named_by_their_file_names() -> None:
         loose_run(Path("r"), (Path("tx2_a.dat"), Path("tx2_b.dat")), Path("t.csv"))
 
 
-def rows(path: Path, lines: list[str]) -> Path:
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("line", "t_s"),
-    [
-        ("1624840301.985819,0.000000,{},2,3,", 1624840301.985819),
-        ("1624840302.0,21555063.0,{},2,3", 1624840302.021555063),
-    ],
-)
-def test_both_ways_to_write_a_time(tmp_path: Path, line: str, t_s: float) -> None:
-    path = rows(tmp_path / "t.csv", [line.format(1), line.format(1.5).replace("162484030", "162484040")])
-    trajectory = read_trajectory(path, PoseKind.MOCAP)
-    assert trajectory.t_s == pytest.approx([t_s, t_s + 100.0], abs=1e-6)
-    assert trajectory.p_enu_m.tolist() == [[1, 2, 3], [1.5, 2, 3]]
-    assert trajectory.q_wxyz is None
-
-
-def test_odometry_is_turned_back_by_its_start_yaw_and_t265_is_not(tmp_path: Path) -> None:
-    half = np.radians(40.0) / 2
-    turned = f"{np.sin(half):.9f},{np.cos(half):.9f}"
-    ahead = f"{np.cos(2 * half):.9f},{np.sin(2 * half):.9f}"
-    path = rows(tmp_path / "o.csv", [f"1,0,5,6,0,0,0,{turned}", f"2,0,{ahead},0,0,0,{turned}"])
-    odometry = read_trajectory(path, PoseKind.ODOM)
-    assert odometry.q_wxyz == pytest.approx(np.tile([1.0, 0, 0, 0], (2, 1)), abs=1e-6)
-    start = np.array([5, 6, 0])
-    # Driving straight ahead of the start pose is driving along x.
-    assert odometry.p_enu_m[1] == pytest.approx([1, 0, 0], abs=1e-6)
-    assert np.linalg.norm(odometry.p_enu_m[0]) == pytest.approx(float(np.linalg.norm(start)))
-    assert read_trajectory(path, PoseKind.T265).p_enu_m[0].tolist() == [5, 6, 0]
-
-
-def test_jumps_are_counted_and_lost_poses_left_out(tmp_path: Path) -> None:
-    lines = [f"{n / 100},0,{x},0,0" for n, x in enumerate([0, 0.01, "nan", 0.02, 1.02, 1.03])]
-    trajectory = read_trajectory(rows(tmp_path / "t.csv", lines), PoseKind.MOCAP)
-    assert len(trajectory.t_s) == 5
-    assert [problem.split(": ")[1] for problem in trajectory.problems] == [
-        "1 poses left out that are no numbers (nan or inf)",
-        "1 jumps of more than 0.1 m; the tracker lost itself",
-    ]
-
-
-def test_odometry_without_attitude_is_refused(tmp_path: Path) -> None:
-    path = rows(tmp_path / "odom.csv", ["1,0,0,0,0", "2,0,1,0,0"])
-    with pytest.raises(TrajectoryError, match=r"odom\.csv: odometry without attitude"):
-        read_trajectory(path, PoseKind.ODOM)
-
-
 @pytest.mark.parametrize(
     ("value", "reason"),
     [
@@ -189,44 +137,3 @@ def test_a_true_position_that_is_no_place_is_refused(tmp_path: Path, value: str)
     path.write_text('{"channel": {"value": 108}, "true_tx_positions": {"value": PLACES}}'.replace("PLACES", places))
     with pytest.raises(RecordingError, match=r"truth\.json: position of tx3 is \[1\.0, .*expected metres"):
         read_truth(path)
-
-
-@pytest.mark.parametrize("value", ["1e155", "-100001", "1e308"])
-def test_a_position_beyond_all_places_is_refused(tmp_path: Path, value: str) -> None:
-    path = rows(tmp_path / "t.csv", ["1,0,99999,0,0", f"2,0,1,{value},0"])
-    with pytest.raises(TrajectoryError, match=r"t\.csv: line 2 is .* m away"):
-        read_trajectory(path, PoseKind.MOCAP)
-
-
-def test_only_columns_at_the_end_may_be_empty(tmp_path: Path) -> None:
-    path = rows(tmp_path / "t.csv", ["1,0,1,2,3, ,", "2,0,2,2,3,,"])
-    assert read_trajectory(path, PoseKind.MOCAP).p_enu_m.tolist() == [[1, 2, 3], [2, 2, 3]]
-    # Shifted, the quaternion's first number would be the height.
-    rows(path, ["1,0,1,2,3,0,0,0,1", "2,0,1,,3,0,0,0,1"])
-    with pytest.raises(TrajectoryError, match=r"t\.csv: line 2 has nothing in column 4"):
-        read_trajectory(path, PoseKind.MOCAP)
-
-
-def test_a_last_line_that_is_cut_off_is_left_out_and_reported(tmp_path: Path) -> None:
-    whole = "".join(f"{n},0,{n / 100:.4f},0.1234,0.5678,\n" for n in range(4))
-    for cut in (3, 12, 20):
-        path = tmp_path / "t.csv"
-        path.write_text(whole[:-cut])
-        trajectory = read_trajectory(path, PoseKind.MOCAP)
-        assert trajectory.p_enu_m[:, 2].tolist() == [0.5678] * 3
-        assert len(trajectory.problems) == 1 and "last line, 4, is cut off" in trajectory.problems[0]
-    path.write_text(whole + "  ")
-    assert read_trajectory(path, PoseKind.MOCAP).problems == ()
-
-
-@pytest.mark.parametrize("ending", ["\n", "\r\n"])
-def test_headings_comments_and_a_byte_order_mark_are_passed_over(tmp_path: Path, ending: str) -> None:
-    path = tmp_path / "t.csv"
-    lines = ["# of run 1", "sec,nsec,x [m],y [m],z [m],", "1,0,1,2,3,", "", " # lost", "2,0,2,2,3,", ""]
-    path.write_bytes(("\ufeff" + ending.join(lines)).encode())
-    trajectory = read_trajectory(path, PoseKind.MOCAP)
-    assert trajectory.p_enu_m.tolist() == [[1, 2, 3], [2, 2, 3]]
-    assert trajectory.problems == ()
-    rows(path, ["sec,nsec,x,y,z", "sec,nsec,x,y,z", "1,0,1,2,3"])
-    with pytest.raises(TrajectoryError, match="line 2 is no row of numbers"):
-        read_trajectory(path, PoseKind.MOCAP)

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from companion.autopilot.odometry import odometry_fields, pose_from_odometry
-from companion.autopilot.port import AutopilotError
-from companion.config.schema import PoseConfig
-from companion.core.clock import ManualClock
 from companion.core.messages import Pose
-from companion.flight.vio_forward import VioForwarder
-from companion.pose.autopilot import AutopilotPoses
-from companion.pose.intake import PoseIntake
 from wsr.geometry import quaternion_from_yaw, quaternion_multiply
 
 _EAST = (1.0, 0.0, 0.0, 0.0)
@@ -72,36 +66,3 @@ def test_velocity_in_the_local_frame_is_taken_as_it_is() -> None:
 def test_other_frames_and_numbers_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="expected"):
         pose_from_odometry(odometry_fields(_pose(), 0, 1) | wrong, 0)
-
-
-class _Estimator:
-    def __init__(self) -> None:
-        self.got: list[tuple[Pose, int]] = []
-        self.fails = False
-
-    def send_odometry(self, pose: Pose, reset_counter: int) -> None:
-        if self.fails:
-            raise AutopilotError("not connected")
-        self.got.append((pose, reset_counter))
-
-
-def _forward(estimator: _Estimator, rate_hz: float, seconds: float, confidence: int = 3) -> VioForwarder:
-    intake = PoseIntake(PoseConfig(), ManualClock(), AutopilotPoses(lambda _: None), lambda _: None)
-    forwarder = VioForwarder(estimator, intake, rate_hz)  # type: ignore[arg-type]
-    for index in range(round(200 * seconds)):
-        forwarder.forward(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))
-    return forwarder
-
-
-@pytest.mark.parametrize(("rate_hz", "expected"), [(30.0, 30), (50.0, 50), (0.0, 0), (100.0, 100)])
-def test_the_forwarder_keeps_its_rate(rate_hz: float, expected: int) -> None:
-    estimator = _Estimator()
-    assert _forward(estimator, rate_hz, 2.0).sent == pytest.approx(2 * expected, abs=2)
-
-
-def test_the_forwarder_never_sends_a_failed_pose_and_survives_a_lost_link() -> None:
-    estimator = _Estimator()
-    assert _forward(estimator, 30.0, 1.0, confidence=0).sent == 0
-    estimator.fails = True
-    forwarder = _forward(estimator, 30.0, 1.0)
-    assert forwarder.sent == 0 and forwarder.failed > 20

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.telemetry import Telemetry, is_healthy
 from companion.core.messages import FlightMode
 
@@ -100,29 +99,6 @@ def test_parameters_in_both_types_and_answers_to_commands(bench: _Bench) -> None
     bench.take("COMMAND_ACK", {"command": 176, "result": 0})
     bench.take("COMMAND_ACK", {"command": 176, "result": 1})
     assert bench.telemetry.acknowledgements == {176: 1}
-
-
-@pytest.mark.parametrize(
-    ("main", "sub", "mode"),
-    [
-        (1, 0, FlightMode.MANUAL),
-        (2, 0, FlightMode.MANUAL),
-        (3, 0, FlightMode.MANUAL),
-        (4, 2, FlightMode.TAKEOFF),
-        (4, 3, FlightMode.HOLD),
-        (4, 4, FlightMode.MISSION),
-        (4, 5, FlightMode.RETURN),
-        (4, 6, FlightMode.LAND),
-        (4, 8, FlightMode.OTHER),
-        (4, 9, FlightMode.LAND),
-        (5, 0, FlightMode.MANUAL),
-        (6, 0, FlightMode.OFFBOARD),
-        (7, 0, FlightMode.MANUAL),
-        (10, 0, FlightMode.OTHER),
-    ],
-)
-def test_px4_modes(main: int, sub: int, mode: FlightMode) -> None:
-    assert flight_mode(main << 16 | sub << 24) is mode
 
 
 @pytest.mark.parametrize(

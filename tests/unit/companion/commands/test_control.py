@@ -41,3 +41,11 @@ def test_neighbours_show_their_state_and_what_was_refused() -> None:
 
 def test_a_service_without_health_says_nothing_of_it() -> None:
     assert list(radio_lines({})) == []
+
+
+def test_what_the_network_lacks_is_told() -> None:
+    told = dict(radio_lines({"network_problem": "interface robots is down", "link": {"unsent": 7, **_NONE}}))
+    assert told["robots' network"] == "interface robots is down; 7 datagrams not sent"
+
+
+_NONE = {"unknown_sender": 0, "malformed": 0, "version": 0}

@@ -7,9 +7,13 @@ import math
 
 import pytest
 
-from companion.core.clock import NS_PER_S
+from companion.autopilot.port import AutopilotError
+from companion.config.schema import PoseConfig
+from companion.core.clock import NS_PER_S, ManualClock
 from companion.core.messages import Pose, Vector3, VehicleState
 from companion.flight.vio_forward import VioForwarder
+from companion.pose.autopilot import AutopilotPoses
+from companion.pose.intake import PoseIntake
 
 _HZ = 200
 _STEP_NS = NS_PER_S // _HZ
@@ -109,3 +113,39 @@ def test_without_a_rate_nothing_is_sent() -> None:
     tracker = _Tracker(rate_hz=0.0)
     tracker.run(0.5)
     assert tracker.autopilot.sent == []
+
+
+_EAST = (1.0, 0.0, 0.0, 0.0)
+
+
+class _Estimator:
+    def __init__(self) -> None:
+        self.got: list[tuple[Pose, int]] = []
+        self.fails = False
+
+    def send_odometry(self, pose: Pose, reset_counter: int) -> None:
+        if self.fails:
+            raise AutopilotError("not connected")
+        self.got.append((pose, reset_counter))
+
+
+def _forward(estimator: _Estimator, rate_hz: float, seconds: float, confidence: int = 3) -> VioForwarder:
+    intake = PoseIntake(PoseConfig(), ManualClock(), AutopilotPoses(lambda _: None), lambda _: None)
+    forwarder = VioForwarder(estimator, intake, rate_hz)  # type: ignore[arg-type]
+    for index in range(round(200 * seconds)):
+        forwarder.forward(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))
+    return forwarder
+
+
+@pytest.mark.parametrize(("rate_hz", "expected"), [(30.0, 30), (50.0, 50), (0.0, 0), (100.0, 100)])
+def test_the_forwarder_keeps_its_rate(rate_hz: float, expected: int) -> None:
+    estimator = _Estimator()
+    assert _forward(estimator, rate_hz, 2.0).sent == pytest.approx(2 * expected, abs=2)
+
+
+def test_the_forwarder_never_sends_a_failed_pose_and_survives_a_lost_link() -> None:
+    estimator = _Estimator()
+    assert _forward(estimator, 30.0, 1.0, confidence=0).sent == 0
+    estimator.fails = True
+    forwarder = _forward(estimator, 30.0, 1.0)
+    assert forwarder.sent == 0 and forwarder.failed > 20

@@ -10,38 +10,36 @@ import random
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import pytest
 
 from companion.core.streams import CSI, VEHICLE
 from companion.errors import CompanionError
 from companion.log.merge import merge
 from companion.log.reader import LogScan, open_session
-from companion.log.ulog import clock_offset_s
 from companion.log.writer import LogWriter
 from tests.flight_logs import beacon_log, uav_log
 from tests.golden.golden_logs import GOLDEN
 from tests.log_commands import Run, write_ulog
 
-FLIGHT = open_session(GOLDEN[0])
+GOLDEN_FLIGHT = open_session(GOLDEN[0])
 
 
 @pytest.fixture(scope="module")
 def uav(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("uav") / "log.mcap"
-    uav_log(path, FLIGHT)
+    uav_log(path, GOLDEN_FLIGHT)
     return path
 
 
 def test_a_beacon_of_this_flight_is_joined_by_what_it_broadcast(uav: Path, tmp_path: Path) -> None:
-    beacon_log(tmp_path / "beacon.mcap", FLIGHT, shift_ns=38_123_000_000)
+    beacon_log(tmp_path / "beacon.mcap", GOLDEN_FLIGHT, shift_ns=38_123_000_000)
     (joined,) = merge(uav, [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
     assert joined.offset_s == pytest.approx(38.123, abs=1e-3)
     assert "/ground/csi" in {message.topic for message in LogScan(tmp_path / "out.mcap")}
 
 
 def test_a_beacon_of_another_flight_is_refused_whatever_its_counters(uav: Path, tmp_path: Path) -> None:
-    beacon_log(tmp_path / "beacon.mcap", FLIGHT, is_other_flight=True)
+    beacon_log(tmp_path / "beacon.mcap", GOLDEN_FLIGHT, is_other_flight=True)
     with pytest.raises(CompanionError, match=r"not of this flight: .*\(boot 5\), of which 0 are in its own log"):
         merge(uav, [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
@@ -49,19 +47,19 @@ def test_a_beacon_of_another_flight_is_refused_whatever_its_counters(uav: Path, 
 
 def test_times_that_do_not_fit_are_refused_where_nothing_was_broadcast(tmp_path: Path) -> None:
     chance = random.Random(1)
-    beacon_log(tmp_path / "beacon.mcap", FLIGHT, jitter_ns=lambda frame: chance.randrange(2_000_000_000))
+    beacon_log(tmp_path / "beacon.mcap", GOLDEN_FLIGHT, jitter_ns=lambda frame: chance.randrange(2_000_000_000))
     with pytest.raises(CompanionError, match=r"not of this flight: \d+ exchanges have numbers in common"):
         merge(GOLDEN[0], [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
 
 
 def test_clocks_that_drift_apart_are_no_spread(uav: Path, tmp_path: Path) -> None:
-    beacon_log(tmp_path / "beacon.mcap", FLIGHT, jitter_ns=lambda frame: 200_000 * frame)
+    beacon_log(tmp_path / "beacon.mcap", GOLDEN_FLIGHT, jitter_ns=lambda frame: 200_000 * frame)
     (joined,) = merge(uav, [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
     assert "exchanges in common" in joined.how
 
 
 def test_a_robot_that_the_flight_does_not_know_is_refused(tmp_path: Path) -> None:
-    config = json.loads(FLIGHT.metadata["config"]) | {"id": 77, "name": "stranger"}
+    config = json.loads(GOLDEN_FLIGHT.metadata["config"]) | {"id": 77, "name": "stranger"}
     with (tmp_path / "other.mcap").open("wb") as file:
         LogWriter(file, {"role": "beacon", "name": "stranger", "config": json.dumps(config)}).finish()
     with pytest.raises(CompanionError, match=r"of robot 77 \(stranger\), which .* knows not: 2 \(beacon\)"):
@@ -78,40 +76,8 @@ def test_a_clock_that_was_never_set_is_not_joined_by_wall_clock(tmp_path: Path) 
         merge(GOLDEN[0], [tmp_path / "other.mcap"], None, tmp_path / "out.mcap")
 
 
-def _track() -> tuple[np.ndarray, np.ndarray]:
-    rows = {}
-    for message in FLIGHT.messages({VEHICLE.topic}):
-        state = msgspec.json.decode(message.data)
-        if state["p_local_enu_m"] is not None:
-            rows[state["position_mono_ns"] / 1e9] = state["p_local_enu_m"]
-    return np.array(sorted(rows)), np.array([rows[t] for t in sorted(rows)])
-
-
-@pytest.mark.parametrize("jump_m", [3.0, 4000.0])
-def test_a_restart_of_px4_in_the_flight_outweighs_nothing(tmp_path: Path, jump_m: float) -> None:
-    """Its log begins anew with each boot, its positions with another origin."""
-    t_s, p_m = _track()
-    moved = np.cumsum(np.linalg.norm(np.diff(p_m, axis=0), axis=1))
-    restart = int(np.searchsorted(moved, 0.35 * moved[-1]))
-    shifted = p_m + np.where(np.arange(len(t_s))[:, None] < restart, jump_m, 0.0)
-    boot_s = t_s[restart] - 4.0
-    ulog = t_s[restart:] - boot_s, p_m[restart:]
-    offset_s, rms_m = clock_offset_s(tmp_path / "f.ulg", ulog, (t_s, shifted))
-    assert offset_s == pytest.approx(boot_s, abs=0.02)
-    assert rms_m < 0.1
-
-
-def test_a_position_of_time_zero_costs_no_memory(tmp_path: Path) -> None:
-    """A grid of tenths of seconds since 1970 would take 140 GB."""
-    t_s, p_m = _track()
-    wall_s = t_s + 1.7e9
-    with_zero = np.concatenate([[0.0], wall_s]), np.concatenate([p_m[:1], p_m])
-    offset_s, _ = clock_offset_s(tmp_path / "f.ulg", (t_s, p_m), with_zero)
-    assert offset_s == pytest.approx(1.7e9, abs=0.02)
-
-
 def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, tmp_path: Path) -> None:
-    session = FLIGHT
+    session = GOLDEN_FLIGHT
     beacon = tmp_path / "beacon.mcap"
     shift_ns = 38_123_000_000  # its clock is elsewhere
     with beacon.open("wb") as file:
@@ -149,7 +115,7 @@ def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, 
 
 def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(companion: Run, tmp_path: Path) -> None:
     other = tmp_path / "other.ulg"
-    write_ulog(other, FLIGHT, scale=5.0)
+    write_ulog(other, GOLDEN_FLIGHT, scale=5.0)
     with pytest.raises(CompanionError, match="not of this flight"):
         merge(GOLDEN[0], (), other, tmp_path / "out.mcap")
     with pytest.raises(CompanionError, match="of the same recording"):

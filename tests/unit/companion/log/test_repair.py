@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from companion.errors import CompanionError
 from companion.log.reader import LogScan, open_session
-from companion.log.repair import copy
+from companion.log.repair import copy, repair
 from companion.log.writer import LogWriter
 from tests.log_commands import FLIGHT, Run
+from tests.unit.companion.log.written import METADATA_VALUES, foreign, log_of
 
 
 def test_repair_makes_a_cut_log_whole_and_replayable(companion: Run, tmp_path: Path) -> None:
@@ -87,3 +89,38 @@ def test_a_damaged_first_chunk_of_a_log_that_was_cut_costs_that_chunk(tmp_path: 
     log.write_bytes(content)
     assert list(LogScan(log)) == unhurt[first_chunk + 1 :]
     assert len(unhurt) > 3 * first_chunk
+
+
+def test_repair_refuses_what_another_program_wrote(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(foreign(True))
+    with pytest.raises(CompanionError, match="no log of this program"):
+        repair(path, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_a_failed_repair_leaves_no_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(log_of(100))
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("companion.log.repair.copy", fail)
+    with pytest.raises(CompanionError, match="No space left"):
+        repair(path, tmp_path / "out.mcap")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_encodings_of_one_topic_stay_apart(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = LogWriter(file, METADATA_VALUES)
+        writer.copy("/p", "json", ("Pose", "jsonschema", b"{}"), (1, 1), 0, b"{}")
+        writer.copy("/p", "cdr", ("Pose", "ros2msg", b"x"), (2, 2), 0, b"\0")
+        writer.finish()
+    repair(path, tmp_path / "out.mcap")
+    assert [(m.encoding, m.schema) for m in LogScan(tmp_path / "out.mcap")] == [
+        ("json", ("Pose", "jsonschema", b"{}")),
+        ("cdr", ("Pose", "ros2msg", b"x")),
+    ]

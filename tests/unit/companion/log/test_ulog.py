@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 
+from companion.core.streams import VEHICLE
 from companion.log.reader import open_session
-from companion.log.ulog import Ulog
+from companion.log.ulog import Ulog, clock_offset_s
+from tests.golden.golden_logs import GOLDEN
 from tests.log_commands import FLIGHT, Run, write_ulog
 from tests.ulog_file import ulog_of
 
@@ -63,3 +67,38 @@ def test_a_ulg_that_could_be_of_any_time_is_refused(
     assert code == 1
     assert why in err
     assert not (tmp_path / "out.mcap").exists()
+
+
+GOLDEN_FLIGHT = open_session(GOLDEN[0])
+
+
+def _track() -> tuple[np.ndarray, np.ndarray]:
+    rows = {}
+    for message in GOLDEN_FLIGHT.messages({VEHICLE.topic}):
+        state = msgspec.json.decode(message.data)
+        if state["p_local_enu_m"] is not None:
+            rows[state["position_mono_ns"] / 1e9] = state["p_local_enu_m"]
+    return np.array(sorted(rows)), np.array([rows[t] for t in sorted(rows)])
+
+
+@pytest.mark.parametrize("jump_m", [3.0, 4000.0])
+def test_a_restart_of_px4_in_the_flight_outweighs_nothing(tmp_path: Path, jump_m: float) -> None:
+    """Its log begins anew with each boot, its positions with another origin."""
+    t_s, p_m = _track()
+    moved = np.cumsum(np.linalg.norm(np.diff(p_m, axis=0), axis=1))
+    restart = int(np.searchsorted(moved, 0.35 * moved[-1]))
+    shifted = p_m + np.where(np.arange(len(t_s))[:, None] < restart, jump_m, 0.0)
+    boot_s = t_s[restart] - 4.0
+    ulog = t_s[restart:] - boot_s, p_m[restart:]
+    offset_s, rms_m = clock_offset_s(tmp_path / "f.ulg", ulog, (t_s, shifted))
+    assert offset_s == pytest.approx(boot_s, abs=0.02)
+    assert rms_m < 0.1
+
+
+def test_a_position_of_time_zero_costs_no_memory(tmp_path: Path) -> None:
+    """A grid of tenths of seconds since 1970 would take 140 GB."""
+    t_s, p_m = _track()
+    wall_s = t_s + 1.7e9
+    with_zero = np.concatenate([[0.0], wall_s]), np.concatenate([p_m[:1], p_m])
+    offset_s, _ = clock_offset_s(tmp_path / "f.ulg", (t_s, p_m), with_zero)
+    assert offset_s == pytest.approx(1.7e9, abs=0.02)

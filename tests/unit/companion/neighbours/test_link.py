@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from companion.commands.control import radio_lines
 from companion.config.file import load_config
 from companion.core.clock import NS_PER_S
 from companion.neighbours import link as module
@@ -92,11 +91,3 @@ def test_what_did_not_leave_is_not_counted_as_sent() -> None:
     assert sender.sent_bytes > 0
     sender.note_unsent(data)
     assert sender.sent_bytes == 0
-
-
-def test_the_status_says_it() -> None:
-    told = dict(radio_lines({"network_problem": "interface robots is down", "link": {"unsent": 7, **_NONE}}))
-    assert told["robots' network"] == "interface robots is down; 7 datagrams not sent"
-
-
-_NONE = {"unknown_sender": 0, "malformed": 0, "version": 0}

@@ -12,25 +12,21 @@ import math
 import socket
 import struct
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from companion.config.file import load_config
 from companion.config.schema import NatNetConfig
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.core.messages import Pose, Vector3
-from companion.errors import CompanionError
 from companion.pose import wire
 from companion.pose.autopilot import AutopilotPoses
 from companion.pose.natnet import NatNetPoses
-from companion.pose.opening import open_poses
 from companion.pose.port import Poses
 from companion.pose.recording import FilePoses
 from companion.pose.source import PoseSource
-from tests.paths import CONFIGS
 from wsr.geometry import rotate
 
 _CLOCK = MonotonicClock()
@@ -245,72 +241,3 @@ async def test_garbage_is_counted_and_changes_nothing(driven: Driven) -> None:
         await _told(driven)
         await _until(lambda: len(driven.got) >= len(_WAY))
     assert driven.source.malformed == 1
-
-
-async def test_a_body_that_motion_capture_lost_is_told_by_its_confidence(tmp_path: Path) -> None:
-    got: list[Pose] = []
-    source = NatNetPoses(NatNetConfig(body=7), _CLOCK, got.append)
-
-    def frame(valid: int) -> bytes:
-        body = struct.pack("<i3f4ffh", 7, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.0, valid)
-        rest = struct.pack("<iiii", 0, 0, 0, 0) + struct.pack("<IIdQQQH", 0, 0, 1.0, 0, 0, 0, 0)
-        payload = struct.pack("<iiii", 1, 0, 0, 1) + body + rest
-        return struct.pack("<HH", 7, len(payload)) + payload
-
-    source._take(struct.pack("<HH", 1, 264) + b"Motive".ljust(256, b"\0") + bytes((3, 1, 0, 0) * 2), 1)
-    source._take(frame(0), 2)
-    source._take(frame(1), 3)
-    source.close()
-    assert [pose.confidence for pose in got] == [0, 3]
-
-
-def test_a_server_older_than_2_6_is_not_understood(tmp_path: Path) -> None:
-    source = NatNetPoses(NatNetConfig(), _CLOCK, lambda _: None)
-    source._take(struct.pack("<HH", 1, 264) + b"Motive".ljust(256, b"\0") + bytes((2, 5, 0, 0) * 2), 1)
-    source.close()
-    assert source._version is None
-
-
-async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> None:
-    """As the motion capture of the WSR data sets is; each row ends in a comma."""
-    path, got = tmp_path / "rx_trajectory.csv", list[Pose]()
-    path.write_text("".join(f"1000,{index * 10**7},{index / 10},2,0.2,\n" for index in range(3)))
-    source = FilePoses(path, _CLOCK, got.append)
-    await source.run()
-    assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (0.1, 2, 0.2), (0.2, 2, 0.2)]
-    assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
-    config = load_config(CONFIGS / "demo-uav.yaml")
-    recorded = replace(config, pose=replace(config.pose, source="recording", recording=str(path)))
-    with pytest.raises(CompanionError, match=r"has no attitudes, .* pose.antenna_m .*; expected \[0, 0, 0\]"):
-        open_poses(recorded, _CLOCK, got.append)
-    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, got.append).close()
-
-
-async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path: Path) -> None:
-    path, got = tmp_path / "way.tum", list[Pose]()
-    times = [1000 + 0.001 * index for index in range(40)]
-    times[7] = 999.0
-    path.write_text("".join(f"{t_s} {index / 100} 0 0 0 0 0 1\n" for index, t_s in enumerate(times)))
-    await FilePoses(path, _CLOCK, got.append).run()
-    assert [pose.p_enu_m[0] for pose in got] == [index / 100 for index in range(40) if index != 7]
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("1 2 3\n", "line 1 has 3 columns"),
-        ("# only\n", "empty file"),
-        ("1 0 0 0 0 0 0 1\n2 nan 0 0 0 0 0 1\n", "no finite poses in 2 rows"),
-        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "line 2 is stamped before"),
-        ("1,2,3,4\n", "line 1 has 4 columns"),
-        ("1,0,0,0,0\n2,0,0,0\n", "line 2 has 4 columns, expected 5"),
-        ("1,0,0,0,0,0,0,0,1\n2,0,0,0,0\n", "line 2 has 5 columns, expected 9"),
-    ],
-)
-def test_a_bad_recording_is_one_clear_error(tmp_path: Path, text: str, named: str) -> None:
-    path = tmp_path / "bad.tum"
-    path.write_text(text)
-    with pytest.raises(CompanionError, match=named):
-        FilePoses(path, _CLOCK, lambda _: None)
-    with pytest.raises(CompanionError, match="No such file"):
-        FilePoses(tmp_path / "missing", _CLOCK, lambda _: None)

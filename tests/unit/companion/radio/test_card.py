@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from companion.core.clock import ManualClock
 from companion.radio.card import ChannelSample, Radio
-from companion.sensing.window import SarWindow
+from companion.sim.radio import simulate_exchanges
+from companion.sim.scenario import RadioScenario
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.channel import thinned
 from csi_bridge.feitcsi.encoder import encode_record
@@ -17,6 +19,8 @@ from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from csi_bridge.source import SourceCounters
 from tests import csi_records, feit_records
+from tests.leg_scene import Scene, Tape, mac
+from tests.sim_scenes import BEACON_MAC
 
 
 class _Tape:
@@ -74,11 +78,14 @@ def test_strangers_and_broken_reports_are_counted() -> None:
     assert (radio.counters.unknown_sender, radio.counters.malformed) == (1, 1)
 
 
-def test_the_window_keeps_samples_of_both_cards() -> None:
-    bodies = [(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))]
-    samples, _ = heard(bodies * 2)
-    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
-    for sample in samples:
-        window.add_sample(sample)
-        window.add_sample(replace(sample, peer=4))
-    assert [sample.peer for sample in samples] == [2, 3, 2, 3]
+def test_losses_are_counted_across_the_wrap_of_the_cards_counter() -> None:
+    scene = Scene(math.radians(45), radio=RadioScenario(loss_probability=0.0))
+    at_uav, _ = simulate_exchanges(scene.scenario, scene.uav, scene.beacon)
+    numbered = [replace(record, bfee_count=(65500 + i) % 65536) for i, record in enumerate(at_uav)]
+    kept = [record for i, record in enumerate(numbered) if not 20 <= i < 50 and i != 70]
+    tape = Tape()
+    tape.bodies = [(CSI_CODE, encode_body(record)) for record in kept]
+    radio = Radio(tape, {mac(BEACON_MAC): 2}, ManualClock(1), lambda _: None, lambda *_: None)
+    radio.drain()
+    assert radio.counters.lost == 31
+    assert radio.counters.samples == len(kept)

@@ -11,13 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from companion.analysis.exchanges import PacketTimes
 from companion.log.reader import open_session
-from companion.log.records import TruthTrack
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.report.content import gather
 from companion.report.page import figures, flight_page
-from companion.report.pictures import recording_rates
 from tests.browser import screenshot, visit
 from tests.golden.golden_logs import GOLDEN
 
@@ -89,22 +86,3 @@ def test_it_is_readable_in_black_and_white(page: Path, tmp_path: Path) -> None:
     pixels = np.asarray(Image.open(tmp_path / "page.png").convert("RGB"), int)
     assert np.ptp(pixels, axis=2).max() <= 8
     assert (pixels < 60).any()
-
-
-def test_the_truth_is_interpolated_and_knows_its_limits() -> None:
-    track = TruthTrack(
-        [Truth(0, (0.0, 0.0, 0.0), {"b": (1.0, 0.0, 0.0)}), Truth(10, (0.0, 0.0, 0.0), {"b": (1.0, 2.0, 0.0)})]
-    )
-    bearing = track.bearing(5, "b")
-    assert bearing is not None
-    np.testing.assert_allclose(bearing, (np.pi / 4, np.pi / 2))
-    assert track.bearing(11, "b") is None
-    assert track.bearing(5, "nobody") is None
-    assert not TruthTrack(())
-
-
-def test_the_rates_of_a_recording_whose_clock_was_set_are_those_of_the_longer_part() -> None:
-    t_s = np.asarray(np.arange(0.0, 10.0, 0.01), np.float64)
-    before_s = t_s[:200] - 1.6e9  # from 1970
-    alone, set_ = PacketTimes(t_s, t_s[100:]), PacketTimes(np.concatenate([before_s, t_s]), t_s[100:])
-    assert recording_rates([("tx1", alone)]) == recording_rates([("tx1", set_)])

@@ -10,14 +10,14 @@ import pytest
 
 from companion.core.clock import NS_PER_S, ManualClock
 from companion.neighbours import wire
-from companion.radio.card import Radio
+from companion.radio.card import ChannelSample, Radio
 from companion.sensing.window import SarWindow
-from companion.sim.radio import simulate_exchanges
-from companion.sim.scenario import RadioScenario
 from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
-from tests.leg_scene import KEY, LEVER_M, Scene, Tape, mac, poses_of
-from tests.sim_scenes import BEACON_MAC
+from tests import csi_records, feit_records
+from tests.leg_scene import KEY, LEVER_M, Scene, Tape, poses_of
 from wsr.channel import wavelength_m
 
 
@@ -74,14 +74,14 @@ def test_a_pose_gap_drops_its_packets() -> None:
     assert 35 < scene.cut(window=window).dropped["no own pose"] < 50
 
 
-def test_losses_are_counted_across_the_wrap_of_the_cards_counter() -> None:
-    scene = Scene(math.radians(45), radio=RadioScenario(loss_probability=0.0))
-    at_uav, _ = simulate_exchanges(scene.scenario, scene.uav, scene.beacon)
-    numbered = [replace(record, bfee_count=(65500 + i) % 65536) for i, record in enumerate(at_uav)]
-    kept = [record for i, record in enumerate(numbered) if not 20 <= i < 50 and i != 70]
-    tape = Tape()
-    tape.bodies = [(CSI_CODE, encode_body(record)) for record in kept]
-    radio = Radio(tape, {mac(BEACON_MAC): 2}, ManualClock(1), lambda _: None, lambda *_: None)
-    radio.drain()
-    assert radio.counters.lost == 31
-    assert radio.counters.samples == len(kept)
+def test_the_window_keeps_samples_of_both_cards() -> None:
+    tape, samples = Tape(), list[ChannelSample]()
+    tape.bodies = [(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))]
+    tape.bodies *= 2
+    peers = {feit_records.MAC: 2, csi_records.MAC: 3}
+    Radio(tape, peers, ManualClock(10**9), samples.append, lambda *_: None).drain()
+    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+    for sample in samples:
+        window.add_sample(sample)
+        window.add_sample(replace(sample, peer=4))
+    assert [sample.peer for sample in samples] == [2, 3, 2, 3]

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from companion.sim.propagation import propagate
 from companion.sim.radio import RadioLink, exchange_times, simulate_exchanges
-from companion.sim.scenario import RadioScenario, Reflector, Scenario
+from companion.sim.scenario import RadioScenario, Scenario
 from companion.sim.trajectory import Array, Trajectory
 from csi_bridge.encoder import encode_body
 from csi_bridge.parser import parse_body
@@ -222,15 +221,3 @@ def test_detection_delay_tilts_the_phase_over_the_subcarriers() -> None:
     delay_ns = -step / (2 * math.pi * 2 * 312_500.0) * 1e9
     assert delay_ns.mean() == pytest.approx(200 + 3.0 / LIGHT_M_S * 1e9, abs=5)
     assert delay_ns.std() == pytest.approx(25, rel=0.15)
-
-
-def test_a_reflector_adds_the_mirror_image() -> None:
-    tx_m, rx_m = np.array([[0.0, 0.0, 1.5]]), np.array([[[7.0, 2.0, 0.5]]])
-    ground = Reflector((0.0, 0.0, 1.0), 0.0, 0.3, 3.1)
-    (found,) = propagate(tx_m, rx_m, 108, 0.5, [ground])[0, 14:15, 0]
-    frequency_hz = 5.54e9 - 312_500.0
-    expected = 0.0
-    for gain, up_m in ((0.5, 1.5), (0.3 * np.exp(3.1j), -1.5)):
-        d_m = math.dist((0.0, 0.0, up_m), (7.0, 2.0, 0.5))
-        expected += gain * LAMBDA_M / (4 * math.pi * d_m) * np.exp(-2j * math.pi * frequency_hz * d_m / LIGHT_M_S)
-    assert found == pytest.approx(expected, rel=1e-9)

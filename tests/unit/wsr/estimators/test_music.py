@@ -16,9 +16,8 @@ from wsr.errors import ApertureError
 from wsr.estimators.far_field import FarField
 from wsr.estimators.music import Music
 from wsr.estimators.source_number import source_number
-from wsr.estimators.stretches import Stretch, cut
+from wsr.estimators.stretches import Stretch
 from wsr.geometry import direction, great_circle
-from wsr.path_bins import Bins
 
 
 def _two(p: Array, seed: int) -> Aperture:
@@ -214,12 +213,3 @@ def test_an_aperture_of_too_few_places_is_refused() -> None:
     aperture = make_aperture(np.arange(20.0), near, np.ones(20), WAVELENGTH_M, min_length_m=0.0)
     with pytest.raises(ApertureError, match="1 places in 1 pieces"):
         Music().estimate(aperture)
-
-
-def test_more_sources_than_half_the_dimension_are_never_claimed() -> None:
-    rng = np.random.default_rng(3)
-    p = np.cumsum(np.full((6, 3), 0.006), axis=0)
-    channel = rng.normal(size=(6, 30)) + 1j * rng.normal(size=(6, 30))
-    channel *= np.array([1e3, 1e2, 1e1, 1e1, 1.0, 1.0])[:, None]
-    bins = Bins(p, channel, np.ones(6, np.int64), np.zeros(6, np.int64), np.ones(6))
-    assert source_number(cut(bins, 16, WAVELENGTH_M), 5) == 3

@@ -1,0 +1,28 @@
+"""The files of one recording: which of them may go."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from companion.core.streams import CSI
+from companion.log.parts import open_part, parts_beside, remove_oldest
+
+
+def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    parts = [open_part(path, {}, "zstd", 65536) for _ in range(4)]
+    stranger = tmp_path / "other.mcap"
+    stranger.write_bytes(bytes(100_000))
+    for part in (parts[0], parts[2], parts[3]):
+        part.write(CSI, 1, 1, 1, os.urandom(10_000), 0.0)
+        part.finish()
+    # The first may go, the second is still being written, the third may go, the last is the newest finished one.
+    newest = parts_beside(path)[-1].stat().st_size
+    last = open_part(path, {}, "zstd", 65536)
+    assert remove_oldest(path, newest + 1_000) == 2
+    assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]
+    assert stranger.exists()
+    parts[1].finish()
+    last.finish()
+    assert [p.name for p in parts_beside(path)] == ["log.1.mcap", "log.3.mcap", "log.4.mcap"]

@@ -1,0 +1,83 @@
+"""Poses of motion capture over NatNet."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+from companion.config.schema import NatNetConfig
+from companion.core.clock import ManualClock, MonotonicClock
+from companion.core.messages import Pose
+from companion.pose.natnet import NatNetPoses
+from tests.paths import FIELD_CASES
+from tests.unit.companion.pose.natnet_frames import T_S, VERSIONS, datagram, frame, server_info
+
+_CLOCK = MonotonicClock()
+
+
+async def test_a_body_that_motion_capture_lost_is_told_by_its_confidence(tmp_path: Path) -> None:
+    got: list[Pose] = []
+    source = NatNetPoses(NatNetConfig(body=7), _CLOCK, got.append)
+
+    def frame(valid: int) -> bytes:
+        body = struct.pack("<i3f4ffh", 7, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.0, valid)
+        rest = struct.pack("<iiii", 0, 0, 0, 0) + struct.pack("<IIdQQQH", 0, 0, 1.0, 0, 0, 0, 0)
+        payload = struct.pack("<iiii", 1, 0, 0, 1) + body + rest
+        return struct.pack("<HH", 7, len(payload)) + payload
+
+    source._take(struct.pack("<HH", 1, 264) + b"Motive".ljust(256, b"\0") + bytes((3, 1, 0, 0) * 2), 1)
+    source._take(frame(0), 2)
+    source._take(frame(1), 3)
+    source.close()
+    assert [pose.confidence for pose in got] == [0, 3]
+
+
+def test_a_server_older_than_2_6_is_not_understood(tmp_path: Path) -> None:
+    source = NatNetPoses(NatNetConfig(), _CLOCK, lambda _: None)
+    source._take(struct.pack("<HH", 1, 264) + b"Motive".ljust(256, b"\0") + bytes((2, 5, 0, 0) * 2), 1)
+    source.close()
+    assert source._version is None
+
+
+def test_flipped_bytes_give_no_implausible_pose() -> None:
+    got: list[Pose] = []
+    source = NatNetPoses(NatNetConfig(body=7), ManualClock(), got.append)
+    chance = random.Random(5)
+    for version in VERSIONS[1:]:
+        source._take(server_info(version), 0)
+        for number in range(300):
+            payload = bytearray(frame(version, t_s=T_S + 0.01 * number))
+            payload[chance.randrange(len(payload))] ^= 1 << chance.randrange(8)
+            source._take(datagram(7, bytes(payload)), number)
+    source.close()
+    assert len(got) > 1000
+    for pose in got:
+        assert math.hypot(*pose.v_enu_m_s) < 50
+        if pose.confidence:
+            assert math.hypot(*pose.p_enu_m) < 2000
+            assert math.hypot(*pose.q_enu_from_body) == pytest.approx(1, abs=0.1)
+
+
+def test_a_version_that_does_not_tell_what_is_tracked_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    source = NatNetPoses(NatNetConfig(), ManualClock(), lambda _: None)
+    for _ in range(3):
+        source._take(server_info((2, 5)), 1)
+    source.close()
+    (said,) = caplog.messages
+    assert "speaks NatNet 2.5" in said
+    assert "2.6 or newer is needed" in said
+
+
+@pytest.mark.skipif(not FIELD_CASES.is_dir(), reason="no field cases beside this clone")
+def test_field_case_names_that_are_not_utf_8() -> None:
+    got: list[Pose] = []
+    source = NatNetPoses(NatNetConfig(body=7), ManualClock(), got.append)
+    source._take(server_info((3, 1)), 0)
+    for path in sorted((FIELD_CASES / "asset-name-latin1").glob("*.bin")):
+        source._take(path.read_bytes(), len(got))
+    source.close()
+    assert (len(got), source.malformed) == (10, 0)
