@@ -165,9 +165,10 @@ class ApertureConfig:
     silent_s: Positive = 2.0
     """Without packets or without datagrams of the target for so long, the vehicle holds."""
     blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
-    """After so many legs without a bearing that may steer, the vehicle holds; after holding so often, it lands."""
+    """After so many apertures' worth of path without a bearing that may steer, the vehicle holds; after holding so
+    often, it lands."""
     min_reliability: Fraction = 0.1
-    """A bearing below this is recorded but steers nothing."""
+    """A bearing below this says little; alone it does not steer."""
     worker_timeout_s: Positive = 2.0
 
 

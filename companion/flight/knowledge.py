@@ -14,6 +14,7 @@ from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import TARGET
 from companion.flight.course import Course
+from companion.flight.local_frame import LocalFrame
 from companion.flight.records import target_report
 from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
@@ -24,6 +25,8 @@ from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
+_FOUND: Final = 0.5
+"""Bearings that say little each, but agree on a source of this probability, steer too."""
 
 
 class Knowledge:
@@ -39,17 +42,17 @@ class Knowledge:
         sar: SarIterations,
         course: Course,
         mission: MissionConfig,
+        frame: LocalFrame,
     ) -> None:
         self._config = config
         self._clock = clock
         self._recorder = recorder
         self._sar = sar
         self._course = course
+        self._frame = frame
         self.neighbour: Final = neighbours[target]
         """The target as a sender of datagrams."""
-        self.targets: Final = Targets(
-            neighbours, target, mission.arrival_range_m, mission.arrival_confidence
-        )
+        self.targets: Final = Targets(neighbours, target, mission.arrival_range_m, mission.arrival_confidence)
         self._packet_ns: int | None = None
         self._packets = 0
         self._blind_legs = 0.0
@@ -69,12 +72,12 @@ class Knowledge:
 
     def add_iteration(self, iteration: Iteration) -> None:
         """A SAR iteration has ended."""
-        bearing, estimate = iteration.bearing(), iteration.estimate
+        bearing = iteration.bearing()
         steers = False
-        if bearing is not None and estimate is not None and estimate.reliability >= self._config.min_reliability:
-            steers = True
-            report = target_report(iteration, bearing, self.targets.add(iteration.peer, bearing))
-            self._recorder.record(TARGET, bearing.t_mono_ns, report)
+        if bearing is not None:
+            target = self.targets.add(iteration.peer, bearing, self._frame.ground_m)
+            self._recorder.record(TARGET, bearing.t_mono_ns, target_report(iteration, bearing, target))
+            steers = bearing.reliability >= self._config.min_reliability or target.probability >= _FOUND
         if iteration.peer == self.neighbour.id:
             self._note(iteration, steers)
 

@@ -74,8 +74,9 @@ class Flight:
         self._sleep = HostSleep()
         self._commands = make_commands(self._autopilot, clock, self._report)
         self._course = Course(clock, recorder)
+        self._frame = LocalFrame()
         self.knowledge = Knowledge(
-            config.aperture, clock, recorder, neighbours, config.target, sar, self._course, config.mission
+            config.aperture, clock, recorder, neighbours, config.target, sar, self._course, config.mission, self._frame
         )
         self._targets = self.knowledge.targets
         self._engagement = Engagement(
@@ -85,7 +86,6 @@ class Flight:
         switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
         self.wishes = Wishes(clock, recorder, self._course, self._engagement, switch, self._commands.beside)
         self._origin = Origin(self._autopilot, config.autopilot)
-        self._frame = LocalFrame()
         self._streaming = False
         self._took_off = False
         self._stood_still_ns = 0
@@ -271,8 +271,6 @@ class Flight:
         if (p_m := vehicle.p_local_enu_m) is None:
             return
         self._begin_path(inside(p_m, self._gate.limits), vehicle)
-        if Reason.NEIGHBOUR in reasons and self._targets.is_nearest(p_m):
-            self._course.report(Event.TARGET_REACHED)  # as near as anything may come to it
 
     def _begin_path(self, p_m: Vector3, vehicle: VehicleState) -> None:
         v_m_s = vehicle.v_local_enu_m_s or (0.0, 0.0, 0.0)

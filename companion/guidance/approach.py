@@ -17,8 +17,10 @@ _LONGEST_TICK_S: Final = 0.2
 _FENCE_MARGIN_M: Final = 0.3
 _PULL_PER_S: Final = 0.8
 """How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
-_CIRCLE_M: Final = 0.4
-"""The circle around a target is so much wider than the least distance from it."""
+_CIRCLE_M: Final = 0.35
+"""On the circle around a target it is so much farther than the least distance from it,"""
+_LEAST_CIRCLE_M: Final = 0.7
+"""and on the level not nearer than this: its height is known less well than its place."""
 _SURE_WEAVE: Final = 0.45
 """The share of the weave that is left while the direction is sure."""
 _WEAVE_GAIN: Final = 1.3
@@ -32,7 +34,7 @@ class Approach:
         """`length_m` of path are one turn of the weave."""
         self._mission = mission
         self._limits = limits
-        self._circle_m = limits.min_neighbour_m + _CIRCLE_M
+        self._away_m = limits.min_neighbour_m + _CIRCLE_M
         self._turn_per_m = math.tau / length_m
         self._turns = mission.yaw == "target"
         self._motion = Motion(mission.acceleration_m_s2)
@@ -87,7 +89,8 @@ class Approach:
             ve, vn = search(self._searched_m, self._heading_rad, forward)
         else:
             self._begin_search_at(aim.azimuth_rad)
-            ve, vn = towards(aim, forward, self._circle_m, self._side)
+            circle_m = math.sqrt(max(_LEAST_CIRCLE_M**2, self._away_m**2 - aim.above_m**2))
+            ve, vn = towards(aim, forward, circle_m, self._side)
         speed = max(math.hypot(ve, vn), 1e-6)
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
         height_m = self._ground_m + mission.takeoff_height_m

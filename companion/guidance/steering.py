@@ -26,13 +26,14 @@ _SEARCH_GROWTH_M: Final = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """What is known of the target from where the vehicle is: azimuth, how far it is on the level, the deviation of that
-    (infinite where nothing crosses), and how sure the direction is, 0..1."""
+    """What is known of the target from where the vehicle is: azimuth, distance on the level, the deviation of that,
+    how sure the direction is, 0..1, and how far above the vehicle it is."""
 
     azimuth_rad: float
     distance_m: float
     distance_std_m: float
     sureness: float
+    above_m: float = 0.0
 
 
 def towards(aim: Aim, speed_m_s: float, circle_m: float, side: int) -> tuple[float, float]:

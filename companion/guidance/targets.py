@@ -13,7 +13,9 @@ from companion.neighbours.neighbour import Neighbour
 from companion.sensing.records import Bearing
 
 _KNOWN_STD_M: Final = 1.0
-"""A place that is less sure than this keeps nothing at a distance: it may be anywhere."""
+"""A place that is less sure than this keeps nothing at a distance: it may be anywhere,"""
+_LIKELY: Final = 0.5
+"""and so may one that is less likely than all others together."""
 _CONFIRMED: Final = 1.0
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
@@ -44,10 +46,10 @@ class Targets:
             tracker.shift(delta_enu_m)
             self._found[peer] = tracker.target()
 
-    def add(self, peer: int, bearing: Bearing) -> Target:
-        """Takes a bearing; what is known of that robot now."""
+    def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
+        """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""
         tracker = self._trackers.setdefault(peer, TargetTracker())
-        found = self._found[peer] = tracker.add(bearing)
+        found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
             near = tracker.within(bearing.p_local_enu_m, bearing.target_p_enu_m, self._arrival_range_m)
             self._near = self._near + bearing.fresh if near >= self._arrival_confidence else 0.0
@@ -64,7 +66,13 @@ class Targets:
         if target is None or place is None:
             return None
         east, north = place[0] - p_local_enu_m[0], place[1] - p_local_enu_m[1]
-        return Aim(math.atan2(north, east), math.hypot(east, north), target.range_std_m, target.probability)
+        return Aim(
+            math.atan2(north, east),
+            math.hypot(east, north),
+            target.range_std_m,
+            target.probability,
+            place[2] - p_local_enu_m[2],
+        )
 
     def is_near(self, p_local_enu_m: Vector3) -> bool:
         """Whether the target, where its newest datagram says it has come to, is within the range of arrival: surely,
@@ -75,16 +83,13 @@ class Targets:
         near = self._trackers[self._target].within(p_local_enu_m, newest[1], self._arrival_range_m)
         return near >= self._arrival_confidence
 
-    def is_nearest(self, p_local_enu_m: Vector3) -> bool:
-        """Whether of all places that are known the target's is the nearest."""
-        place = self._place(self._target) if self._target in self._found else None
-        if place is None:
-            return False
-        return all(math.dist(p_local_enu_m, place) <= math.dist(p_local_enu_m, other) for other in self.places())
-
     def places(self) -> tuple[Vector3, ...]:
         """Where robots are known to be, in the autopilot's local frame."""
-        known = (self._place(peer) for peer, found in self._found.items() if found.range_std_m < _KNOWN_STD_M)
+        known = (
+            self._place(peer)
+            for peer, found in self._found.items()
+            if found.range_std_m < _KNOWN_STD_M and found.probability > _LIKELY
+        )
         return tuple(place for place in known if place is not None)
 
     def _place(self, peer: int) -> Vector3 | None:

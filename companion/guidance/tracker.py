@@ -33,6 +33,12 @@ _DRIFT: Final = 0.03
 _WALK_M_SQRT_S: Final = 0.02
 _HEADING_STD_RAD: Final = math.radians(5.0)
 """By how much the bearings of one flight are turned together: the tracker's North is known no better."""
+_ELEVATION_STD_RAD: Final = math.radians(12.0)
+"""By how much floor and ceiling, which mirror the target above and below itself, pull all bearings of one place."""
+_SPREAD_EVENLY: Final = 0.7
+"""Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
+_BELOW_GROUND_M: Final = (0.2, 0.25)
+"""Targets stand on the ground the vehicle took off from, or above it: by so much below it they become unlikely."""
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
@@ -88,18 +94,22 @@ class TargetTracker:
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
         self._heading_rad = np.zeros(0)
+        self._elevation_rad = np.zeros(0)
         self._log_weight = np.zeros(0)
         self._newest: Bearing | None = None
 
-    def add(self, bearing: Bearing) -> Target:
-        """Takes the newest bearing. One of another boot of the target has another origin: all before is forgotten."""
+    def add(self, bearing: Bearing, ground_m: float = -math.inf) -> Target:
+        """Takes the newest bearing; the ground is at `ground_m` (Up) of the local frame. One of another boot of the
+        target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
             self._origins_m = self._drawn(bearing, _PARTICLES)
             self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
+            self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
             self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+            self._keep_above(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
-            self._weigh(bearing)
+            self._weigh(bearing, ground_m)
             self._bear(bearing)
         self._newest = bearing
         self._resample()
@@ -179,7 +189,8 @@ class TargetTracker:
         if math.isinf(bearing.polar_std_rad):
             polar = np.arccos(self._rng.uniform(-1.0, 1.0, count))
         low, high = (math.log(reach) for reach in _REACH_M)
-        range_m = np.exp(self._rng.uniform(low, high, count))
+        evenly = self._rng.uniform(size=count) < _SPREAD_EVENLY
+        range_m = np.where(evenly, self._rng.uniform(*_REACH_M, count), np.exp(self._rng.uniform(low, high, count)))
         units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
         return np.asarray(_place(bearing) + range_m[:, None] * units)
 
@@ -190,15 +201,16 @@ class TargetTracker:
         std_m = math.hypot(_DRIFT * gone_m, _WALK_M_SQRT_S * math.sqrt(elapsed_s))
         self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
 
-    def _weigh(self, bearing: Bearing) -> None:
+    def _weigh(self, bearing: Bearing, ground_m: float) -> None:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
-        offsets_m = self._origins_m - _place(bearing)
-        c, s = np.cos(self._heading_rad), np.sin(self._heading_rad)
-        turned = np.stack(
-            [c * offsets_m[:, 0] - s * offsets_m[:, 1], s * offsets_m[:, 0] + c * offsets_m[:, 1], offsets_m[:, 2]],
-            axis=1,
-        )
-        log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned))
+        turned_m = _turned(self._origins_m - _place(bearing), self._heading_rad, self._elevation_rad)
+        self._log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned_m))
+        self._keep_above(bearing, ground_m)
+
+    def _keep_above(self, bearing: Bearing, ground_m: float) -> None:
+        height_m = self._origins_m[:, 2] + bearing.target_p_enu_m[2] - ground_m
+        margin_m, scale_m = _BELOW_GROUND_M
+        log_weight = self._log_weight - bearing.fresh * np.maximum(0.0, -(height_m + margin_m) / scale_m)
         log_weight -= log_weight.max()
         self._log_weight = log_weight - math.log(float(np.exp(log_weight).sum()))
 
@@ -222,8 +234,13 @@ class TargetTracker:
         offsets_m *= np.exp(self._rng.normal(0.0, 0.03, _PARTICLES))[:, None]
         range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
         self._origins_m = here_m + offsets_m + self._rng.normal(0.0, 0.01, offsets_m.shape) * range_m
-        self._heading_rad = self._heading_rad[chosen] + self._rng.normal(0.0, 0.1 * _HEADING_STD_RAD, _PARTICLES)
+        self._heading_rad = self._kept_to(self._heading_rad[chosen], _HEADING_STD_RAD)
+        self._elevation_rad = self._kept_to(self._elevation_rad[chosen], _ELEVATION_STD_RAD)
         self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+
+    def _kept_to(self, angle_rad: _Floats, std_rad: float) -> _Floats:
+        """Twins of a constant part, with the deviation they were drawn with."""
+        return np.asarray(0.995 * angle_rad + self._rng.normal(0.0, 0.1 * std_rad, len(angle_rad)))
 
     def _systematic(self, probability: _Floats, count: int) -> npt.NDArray[np.intp]:
         at = (np.arange(count) + 0.5) / count
@@ -233,6 +250,16 @@ class TargetTracker:
 def _place(bearing: Bearing) -> _Floats:
     """Where a bearing was taken (3,), relative to the target's motion: from here it points to the common origin."""
     return np.asarray(np.subtract(bearing.p_local_enu_m, bearing.target_p_enu_m))
+
+
+def _turned(offsets_m: _Floats, heading_rad: _Floats, elevation_rad: _Floats) -> _Floats:
+    """Offsets (N, 3) as bearings show them: turned about the vertical, and down."""
+    flat_m = np.hypot(offsets_m[:, 0], offsets_m[:, 1])
+    azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + heading_rad
+    range_m = np.hypot(flat_m, offsets_m[:, 2])
+    polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + elevation_rad, 0.0, math.pi)
+    flat_m = range_m * np.sin(polar)
+    return np.stack([flat_m * np.cos(azimuth), flat_m * np.sin(azimuth), range_m * np.cos(polar)], axis=1)
 
 
 def _moments(points_m: _Floats, weight: _Floats) -> tuple[_Floats, _Floats]:

@@ -66,8 +66,8 @@ class ApertureReport:
 
 
 class _Heard:
-    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, and their channels in counts of
-    the card (half precision keeps a 5300's whole numbers exactly). Rows are ordered by when they were read."""
+    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, and channels in counts of the
+    card (half precision keeps a 5300's whole numbers exactly). Rows are ordered by when they were read."""
 
     def __init__(self, like: ChannelSample) -> None:
         self.stamps = History(_SAMPLE_CAPACITY, 4)

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
 
-from companion.guidance.leg import LegShape, plan_leg
 from companion.sim.scenario import RadioScenario
 from companion.sim.trajectory import Trajectory
 from companion.study.angles import aoa_error
 from companion.study.figures import draw_lines
+from companion.study.leg import LegShape, plan_leg
 from companion.study.link import Heard, hear, room, scenario, standing
 from companion.study.paths import Array
 from companion.study.study import Finding, Settings, Study, Summary

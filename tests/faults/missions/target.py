@@ -70,11 +70,21 @@ class DrawnWindow:
         places = [p for t_ns, p in self._path if start_ns <= t_ns <= end_ns]
         return sum(math.dist(a, b) for a, b in pairwise(places))
 
+    def start_of_path(self, not_before_ns: int, end_ns: int, length_m: float) -> int | None:
+        later = list(self._path)
+        gone_m = 0.0
+        for (t_ns, a), (until_ns, b) in reversed(list(pairwise(later))):
+            if t_ns < not_before_ns or gone_m >= length_m:
+                break
+            gone_m += math.dist(a, b) if until_ns <= end_ns else 0.0
+            start_ns = t_ns
+        return start_ns if gone_m >= length_m else None
+
     def cut(self, neighbour: FoundNeighbour, start_ns: int, end_ns: int) -> ApertureReport:
         is_long = self.path_length_m(start_ns, end_ns) > 0.2
         x, y, z = (p - o for p, o in zip(neighbour.at_m, _ORIGIN_M, strict=True))
         return ApertureReport(
-            peer=neighbour.id, start_ns=start_ns, end_ns=end_ns, received=100, dropped={},
+            peer=neighbour.id, start_ns=start_ns, end_ns=end_ns, received=100, power_dbm=-60.0, dropped={},
             aperture=_APERTURE if is_long else None, refusal="" if is_long else "too short",
             peer_t_s=_T_S, peer_p_m=np.array([[x, y, z], [x, y, z]]), peer_boot=_BOOT,
         )  # fmt: skip

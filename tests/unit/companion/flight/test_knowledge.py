@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.config.schema import ApertureConfig
+from companion.config.schema import ApertureConfig, MissionConfig
 from companion.core.clock import NS_PER_S, ManualClock
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
@@ -40,7 +40,16 @@ class _Known:
         clock = EventClock(self.clock)
         self.course = Course(clock, self.kept)
         neighbours = {peer: Neighbour(peer, str(peer)) for peer in (_TARGET, _OTHER)}
-        self.knowledge = Knowledge(_CONFIG, clock, self.kept, neighbours, _TARGET, self.sar, self.course)  # type: ignore[arg-type]
+        self.knowledge = Knowledge(
+            _CONFIG,
+            clock,
+            self.kept,
+            neighbours,
+            _TARGET,
+            self.sar,
+            self.course,
+            MissionConfig(),  # type: ignore[arg-type]
+        )
         neighbours[_TARGET].heard_ns = _NOW_NS
         for event in (Event.ENGAGE, Event.PREFLIGHT_PASSED, Event.AIRBORNE, Event.OFFBOARD_CONFIRMED):
             self.course.step(event, _NOW_NS)
@@ -78,7 +87,7 @@ def _iteration(peer: int = _TARGET, reliability: float | None = 0.9, **changes: 
         )
     )
     values: dict[str, Any] = {
-        "number": 1, "peer": peer, "start_ns": 0, "end_ns": 1, "reference_ns": 1, "p_local_enu_m": origin,
+        "number": 1, "peer": peer, "start_ns": 0, "end_ns": 1, "fresh": 1.0, "power_dbm": -60.0, "reference_ns": 1, "p_local_enu_m": origin,
         "peer_p_enu_m": origin, "peer_boot": 1, "received": 100, "dropped": {}, "compute_s": 0.1,
         "estimate": estimate, "refusal": "" if estimate else "too few packets",
     }  # fmt: skip
@@ -97,11 +106,15 @@ def test_a_bearing_that_may_steer_is_reported_and_the_target_recorded() -> None:
 
 def test_legs_without_one_are_counted_whatever_the_reason() -> None:
     known = _Known()
-    for iteration in (_iteration(reliability=None), _iteration(reliability=0.1), _iteration(p_local_enu_m=None)):
+    for iteration in (
+        _iteration(reliability=None, fresh=0.5),
+        _iteration(reliability=0.1),
+        _iteration(p_local_enu_m=None),
+    ):
         known.knowledge.add_iteration(iteration)
     known.knowledge.note_blind_leg()
-    assert known.knowledge.blind_legs == 4
-    assert known.kept.topics == []
+    assert known.knowledge.blind_legs == 3.5
+    assert known.kept.topics == ["/target"]  # the weak one is recorded, and what it says little counts
     assert known.course.worst([]) is None
     known.knowledge.grant_leg()
     assert known.knowledge.blind_legs == 2

@@ -1,43 +1,104 @@
-"""From leg to leg: the yaw, the velocity back to the path, and where it stands after a refusal."""
+"""The path as it is commanded: to the target and around it, searching, without a step; and what stands beside it."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from dataclasses import replace
+from typing import Literal
 
+import numpy as np
 import pytest
 
 from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
-from companion.core.messages import Setpoint
+from companion.core.messages import Setpoint, Vector3
 from companion.guidance.approach import Approach, as_velocity, inside
+from companion.guidance.steering import Aim
 from companion.safety.gate import GateLimits
 
-
-class _Still:
-    """A SAR that is never done, so that the approach stays on its leg."""
-
-    is_waiting = True
-
-    def begin(self) -> None:
-        pass
-
-    def finish(self, end_ns: int) -> None:
-        pass
+LIMITS = GateLimits((-50, -50, -1), (50, 50, 10), 60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+_TICK_NS = NS_PER_S // 20
 
 
 @pytest.mark.parametrize(("yaw", "ends_at"), [("fixed", 0.3), ("target", 1.8)])
-def test_the_nose_is_kept_or_turned_slowly_to_the_target(yaw: str, ends_at: float) -> None:
-    approach = Approach(_Still(), MissionConfig(yaw=yaw), 1.2, 0.3)  # type: ignore[arg-type]
+def test_the_nose_is_kept_or_turned_slowly_to_the_target(yaw: Literal["fixed", "target"], ends_at: float) -> None:
+    approach = Approach(MissionConfig(yaw=yaw), LIMITS, 1.2)
     approach.start((0.0, 0.0, 1.5), 0.3)
     yaws = []
     for tick in range(100):
-        setpoint = approach.setpoint(tick * NS_PER_S // 20, 1.8, True)
+        setpoint = approach.setpoint(tick * _TICK_NS, Aim(1.8, 20.0, 1.0, 1.0), True)
         assert setpoint.yaw_enu_rad is not None
         yaws.append(setpoint.yaw_enu_rad)
     assert yaws[0] == pytest.approx(0.3) and yaws[-1] == pytest.approx(ends_at)
     assert max(abs(b - a) for a, b in itertools.pairwise(yaws)) <= math.radians(30) / 20 + 1e-9
+
+
+def _flown(approach: Approach, target_m: Vector3, ticks: int, known: bool = True) -> list[Setpoint]:
+    """Set points of a vehicle that follows exactly, towards a target that it knows where to find."""
+    flown: list[Setpoint] = []
+    place = (0.0, 0.0, 1.5)
+    for tick in range(ticks):
+        east, north = target_m[0] - place[0], target_m[1] - place[1]
+        aim = Aim(math.atan2(north, east), math.hypot(east, north), 0.3, 1.0) if known else None
+        flown.append(approach.setpoint(tick * _TICK_NS, aim, True))
+        assert flown[-1].p_local_enu_m is not None
+        place = flown[-1].p_local_enu_m
+    return flown
+
+
+def test_it_flies_to_the_target_without_a_stop_and_stays_around_it() -> None:
+    approach = Approach(MissionConfig(), LIMITS, 1.2)
+    approach.start((0.0, 0.0, 1.5), 0.0)
+    flown = _flown(approach, (10.0, 4.0, 0.5), 1200)
+    away = [math.hypot(10.0 - s.p_local_enu_m[0], 4.0 - s.p_local_enu_m[1]) for s in flown if s.p_local_enu_m]
+    near = next(tick for tick, m in enumerate(away) if m < 2.0)
+    assert near / 20 < 1.2 * (math.hypot(10, 4) - 2) / 0.5
+    assert all(1.0 < m < 1.9 for m in away[near + 60 :])
+    speeds = [math.hypot(*s.v_local_enu_m_s) for s in flown]
+    assert min(speeds[20:]) > 0.25 and max(speeds) < 0.65
+    heights = [s.p_local_enu_m[2] for s in flown if s.p_local_enu_m]
+    assert all(1.2 < h < 1.8 for h in heights)
+
+
+def test_a_search_goes_all_around_and_wider_inside_the_fence() -> None:
+    narrow = replace(LIMITS, fence_min_m=(-3, -3, -1), fence_max_m=(3, 3, 5))
+    approach = Approach(MissionConfig(), narrow, 1.2)
+    approach.start((0.0, 0.0, 1.5), 0.7)
+    flown = [s.p_local_enu_m for s in _flown(approach, (0.0, 0.0, 0.0), 2400, known=False) if s.p_local_enu_m]
+    assert all(abs(x) < 3 and abs(y) < 3 for x, y, _ in flown)
+    first, last = (np.ptp(np.array(part), axis=0) for part in (flown[:160], flown[-600:]))
+    assert min(first[:2]) > 0.5 and min(last[:2]) > 1.5 * min(first[:2])
+
+
+def test_neither_a_new_aim_nor_a_late_tick_nor_a_stop_makes_a_step() -> None:
+    rng, approach = np.random.default_rng(3), Approach(MissionConfig(), LIMITS, 1.2)
+    approach.start((0.0, 0.0, 1.5), 0.0, v_local_enu_m_s=(0.3, -0.2, 0.0))
+    now_ns, flown = 0, list[tuple[float, Setpoint]]()
+    aim: Aim | None = None
+    for _ in range(1500):
+        if rng.random() < 0.05:
+            aim = Aim(float(rng.uniform(-3, 3)), float(rng.uniform(0, 9)), float(rng.uniform(0, 9)), 0.5)
+        late_ns = int(rng.choice([0, 0, 0, _TICK_NS]))
+        now_ns += _TICK_NS + late_ns
+        flown.append((now_ns / NS_PER_S, approach.setpoint(now_ns, aim, bool(rng.random() < 0.97))))
+    t_s, v = np.array([t for t, _ in flown]), np.array([s.v_local_enu_m_s for _, s in flown])
+    p = np.array([s.p_local_enu_m for _, s in flown])
+    steps_s = np.diff(t_s)
+    acceleration = np.diff(v, axis=0) / np.minimum(steps_s, 0.1)[:, None]
+    assert np.linalg.norm(acceleration, axis=1).max() < 0.81
+    assert np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() < 0.9  # over up to 0.1 s; 0.5 in one tick
+    agreed = np.diff(p, axis=0) / np.minimum(steps_s, 0.1)[:, None] - v[1:]
+    assert np.linalg.norm(agreed, axis=1).max() < 0.08
+
+
+def test_a_frame_that_was_set_anew_takes_the_path_along() -> None:
+    approach = Approach(MissionConfig(), LIMITS, 1.2)
+    approach.start((1.0, 2.0, 1.5), 0.0)
+    before = approach.setpoint(0, None, False)
+    approach.shift((5.0, 0.0, 0.25))
+    after = approach.setpoint(0, None, False)
+    assert before.p_local_enu_m == (1.0, 2.0, 1.5) and after.p_local_enu_m == (6.0, 2.0, 1.75)
 
 
 def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:

@@ -31,7 +31,8 @@ def one_of_each(path: Path) -> None:
         channel=np.ones(2, complex).tobytes(), wavelength_m=0.05, reference_p_m=(1.0, 0.0, 0.0),
     )  # fmt: skip
     power = np.linspace(0, 1, 180 * 360).astype(np.float16).tobytes()
-    target = Target(9, 0.5, (1.0, 1.0, 1.0), 4, 6.0, 0.3)
+    certain = ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01))
+    target = Target(9, 0.5, (1.0, 1.0, 1.0), certain, 4, 6.0, 0.3, 0.9)
     messages: tuple[tuple[Stream, object], ...] = (
         (POSE, POSE_AT),
         (POSE_IN, pose_bytes(POSE_AT)),

@@ -66,12 +66,22 @@ def test_one_transmitter_behind_two_names_is_reported_after_several_apertures() 
     looks = Lookalikes({2: "a", 3: "b", 4: "c"})
     for number in range(3):
         assert looks.pairs() == ()
-        looks.add(2, number, profile(1))
-        doubt = looks.add(3, number, profile(1))
-        looks.add(4, number, profile(3))
+        looks.add(2, number, number, profile(1))
+        doubt = looks.add(3, number, number, profile(1))
+        looks.add(4, number, number, profile(3))
     assert looks.pairs() == (("a", "b"),)
     assert "that of a" in doubt
-    looks.add(2, 9, profile(1))
-    assert looks.add(3, 9, profile(2)) == ""
+    looks.add(2, 9, 9, profile(1))
+    assert looks.add(3, 9, 9, profile(2)) == ""
     assert looks.pairs() == ()
-    assert looks.add(4, 10, b"") == ""
+    assert looks.add(4, 10, 10, b"") == ""
+
+
+def test_apertures_that_share_packets_are_alike_for_that() -> None:
+    power = np.zeros((180, 360), np.float16)
+    power[40:60, 40:60] = 1.0
+    looks = Lookalikes({2: "a", 3: "b"})
+    for start in range(9):  # each shares three quarters of its time with the one before
+        looks.add(2, start, start + 4, power.tobytes())
+        looks.add(3, start, start + 4, power.tobytes())
+        assert looks.pairs() == ((("a", "b"),) if start >= 8 else ())

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.guidance.leg import LegShape, plan_leg
+from companion.study.leg import LegShape, plan_leg
 
 SHAPE = LegShape(length_m=1.2, lateral_m=0.12, vertical_m=0.1, speed_m_s=0.5, acceleration_m_s2=0.8)
 

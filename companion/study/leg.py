@@ -1,4 +1,4 @@
-"""The next leg as a path in space: towards the target, wound into a helix so that the aperture is never flat.
+"""A leg as a path in space: towards a target, wound into a helix so that the aperture is never flat.
 
 A helix is what the Cramer-Rao bound asks for (paper, section on displacement geometries): it spreads the antenna over
 all three axes, and at constant speed its curvature is constant, so a multicopter follows it closely.
