@@ -13,7 +13,7 @@ from tests.unit.wsr.scene import WAVELENGTH_M, Array, circle, exchange, round_tr
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
 from wsr.errors import ApertureError
-from wsr.estimators import ESTIMATORS, estimate_aoa
+from wsr.estimators import ESTIMATORS
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle, wrap_angle
@@ -179,7 +179,7 @@ def test_errors_stay_within_three_deviations() -> None:
 
 def test_estimate_goes_over_the_wire() -> None:
     t, p = weave(300)
-    estimate, _ = estimate_aoa(_aperture(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
+    estimate, _ = Robust().estimate(_aperture(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(estimate), type=AoaEstimate) == estimate
 
 
