@@ -1,4 +1,7 @@
-"""Frames of a log of the 802.11n CSI Tool: where each begins and ends, however damaged the file is."""
+"""Frames of a log of the 802.11n CSI Tool: where each begins and ends, however damaged the file is.
+
+A frame is a u16 big-endian length of code and body, a u8 code and the body.
+"""
 
 from __future__ import annotations
 
@@ -74,18 +77,23 @@ class Frames:
 
 
 def frame_offsets(path: str | Path) -> tuple[Content, npt.NDArray[np.int64]]:
-    """The file's bytes, and (N, 2) where each sound frame of it, CSI or other, begins and ends. Raises as
-    `read_dat`."""
+    """The file's bytes and the `offsets` of its frames. Raises DatFileError for a file that is missing, unreadable,
+    empty or no CSI log."""
     data = content(Path(path))
-    frames = sound_frames(Path(path), data)
+    return data, offsets(sound_frames(Path(path), data))
+
+
+def offsets(frames: Frames) -> npt.NDArray[np.int64]:
+    """(N, 2) where each sound frame, CSI or other, begins and ends, in order."""
     begins = [run.first + run.size * np.arange(run.count, dtype=np.int64) for run in frames.runs]
     ends = [begin + run.size for begin, run in zip(begins, frames.runs, strict=True)]
     others = np.array(frames.others, np.int64).reshape(-1, 2)
-    offsets = np.stack([np.concatenate([*begins, others[:, 0]]), np.concatenate([*ends, others[:, 1]])], axis=1)
-    return data, offsets[np.argsort(offsets[:, 0], kind="stable")]
+    found = np.stack([np.concatenate([*begins, others[:, 0]]), np.concatenate([*ends, others[:, 1]])], axis=1)
+    return np.asarray(found[np.argsort(found[:, 0], kind="stable")])
 
 
 def sound_frames(path: Path, data: Content) -> Frames:
+    """Raises DatFileError where `data` is no CSI log; the message names `path`."""
     frames = _find(data)
     # One CSI record is proof enough, so many lengths agree in it; an MPDU record is but one byte that fits.
     if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:

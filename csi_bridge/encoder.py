@@ -8,7 +8,7 @@ import numpy as np
 
 from csi_bridge.parser import COUNTER, HEADER, LAYOUTS, STAMP
 from csi_bridge.payload import pack
-from csi_bridge.records import CSI_CODE, SUBCARRIERS, CsiRecord, row_ranks
+from csi_bridge.records import SUBCARRIERS, CsiRecord, row_ranks
 
 
 class EncodeError(ValueError):
@@ -47,11 +47,6 @@ def encode_file_record(code: int, body: bytes) -> bytes:
     if not (0 <= code <= 0xFF and len(body) < 0xFFFF):
         raise EncodeError(f"code {code} with {len(body)} bytes, expected 0..255 with at most 65534")
     return struct.pack(">HB", 1 + len(body), code) + body
-
-
-def encode_log(records: list[CsiRecord]) -> bytes:
-    """A whole log file of CSI records. Raises EncodeError."""
-    return b"".join(encode_file_record(CSI_CODE, encode_body(record)) for record in records)
 
 
 def _check(record: CsiRecord) -> None:

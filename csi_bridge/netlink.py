@@ -9,13 +9,12 @@ import errno
 import os
 import socket
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from csi_bridge.connector import connector_idx_of, decode_message, encode_message
-from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError
-from csi_bridge.source import SourceCounters
+from csi_bridge.draining import Draining
+from csi_bridge.records import CSI_CODE, MPDU_CODE
 
 DEFAULT_CONNECTOR_IDX: Final = 26
 """26 on kernels 4.x, 25 on old ones."""
@@ -24,7 +23,6 @@ _SOL_NETLINK: Final = 270
 _NETLINK_ADD_MEMBERSHIP: Final = 1
 _SO_RCVBUFFORCE: Final = 33
 _KERNEL_PORT_ID: Final = 0
-_DATAGRAM_BYTES: Final = 8192
 _PROBED_AT_ONCE: Final = 1024
 _NETLINK_SOCKETS: Final = Path("/proc/net/netlink")
 CONNECTOR_GROUPS: Final = range(1, 33)
@@ -34,7 +32,7 @@ class NetlinkError(OSError):
     """The connector cannot be opened or written; the message says what it needs."""
 
 
-class NetlinkSource:
+class NetlinkSource(Draining):
     """CSI records of the driver on one connector index.
 
     With `require_kernel_sender` a message of any other process is counted and dropped: root processes may send to the
@@ -49,8 +47,7 @@ class NetlinkSource:
     ) -> None:
         self._idx = connector_idx
         self._kernel_only = require_kernel_sender
-        self._counters = SourceCounters()
-        self._socket = _open()
+        super().__init__(_open(), self._record)
         try:
             self._socket.setsockopt(_SOL_NETLINK, _NETLINK_ADD_MEMBERSHIP, connector_idx)
         except OSError as error:
@@ -58,46 +55,10 @@ class NetlinkSource:
             raise _refusal(f"joining connector group {connector_idx}", error) from None
         grow(self._socket, receive_buffer_bytes)
 
-    @property
-    def counters(self) -> SourceCounters:
-        return self._counters
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        """See CsiSource. ENOBUFS means records were lost and the socket is fine: counted, reading goes on."""
-        records: list[tuple[int, bytes]] = []
-        for _ in range(limit):
-            try:
-                datagram, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                if error.errno != errno.ENOBUFS:
-                    raise
-                self._counters = replace(self._counters, overruns=self._counters.overruns + 1)
-                continue
-            record = self._accept(datagram, sender[0])
-            if record is not None:
-                records.append(record)
-        return records
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def _accept(self, datagram: bytes, sender_port_id: int) -> tuple[int, bytes] | None:
-        counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
-        record = None
-        if self._kernel_only and sender_port_id != _KERNEL_PORT_ID:
-            counters = replace(counters, refused_sender=counters.refused_sender + 1)
-        else:
-            try:
-                record = decode_message(datagram, self._idx)
-            except CsiError:
-                counters = replace(counters, malformed=counters.malformed + 1)
-        self._counters = counters
-        return record
+    def _record(self, datagram: bytes, sender: tuple[int, int]) -> tuple[int, bytes] | None:
+        if self._kernel_only and sender[0] != _KERNEL_PORT_ID:
+            return None
+        return decode_message(datagram, self._idx)
 
 
 class NetlinkFeeder:
@@ -129,6 +90,7 @@ class ConnectorProbe:
     def __init__(self) -> None:
         self._socket = _open()
         grow(self._socket, 4 << 20)
+        self._draining = Draining(self._socket, self._count)
         self.heard: Counter[int] = Counter()
         """Records by connector index."""
         for group in CONNECTOR_GROUPS:
@@ -144,21 +106,13 @@ class ConnectorProbe:
 
     def drain(self) -> None:
         """Counts what has arrived."""
-        for _ in range(_PROBED_AT_ONCE):
-            try:
-                datagram = self._socket.recv(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                if error.errno != errno.ENOBUFS:
-                    raise
-                continue
-            try:
-                idx = connector_idx_of(datagram)
-                code, _ = decode_message(datagram, idx)
-            except CsiError:
-                continue
-            self.heard[idx] += code in (CSI_CODE, MPDU_CODE)
+        self._draining.drain(_PROBED_AT_ONCE)
+
+    def _count(self, datagram: bytes, _: object) -> tuple[int, bytes]:
+        idx = connector_idx_of(datagram)
+        code, body = decode_message(datagram, idx)
+        self.heard[idx] += code in (CSI_CODE, MPDU_CODE)
+        return code, body
 
     def close(self) -> None:
         self._socket.close()

@@ -1,6 +1,6 @@
-"""Bytes to records, without I/O: one record body at a time, or a log file in pieces of any size.
+"""Bytes to records, without I/O: one record body at a time.
 
-A log is a sequence of frames: u16 big-endian length of code and body, u8 code, body. A CSI body is little-endian:
+A CSI body is little-endian:
 timestamp u32 @0, bfee_count u16 @4, n_rx u8 @8, n_tx u8 @9, rssi 3 x u8 @10, noise i8 @13, agc u8 @14, antenna_sel
 u8 @15, payload length u16 @16, rate u16 @18; then, in patched drivers, tv_sec u32 @20, tv_usec u32 @24, MAC @28 and
 frame_count u32 @34; then the payload.
@@ -20,10 +20,6 @@ LAYOUTS: Final = (20, 34, 38)
 HEADER: Final = struct.Struct("<IHHBBBBBbBBHH")
 STAMP: Final = struct.Struct("<II6s")
 COUNTER: Final = struct.Struct("<I")
-MIN_CSI_FRAME: Final = 1 + HEADER.size + payload_bytes(1, 1)
-MAX_CSI_FRAME: Final = 1 + LAYOUTS[-1] + payload_bytes(MAX_ANTENNAS, MAX_ANTENNAS)
-MAX_FRAME: Final = 8191
-"""Code and body of any record: the longest are MPDUs, of which the card reports the first 4 KiB."""
 
 
 def parse_body(code: int, body: bytes) -> CsiRecord | MpduRecord | None:
@@ -71,116 +67,6 @@ def body_shape(body: bytes | memoryview) -> tuple[int, int, int]:
     if layout not in LAYOUTS:
         raise CsiError(f"header of {layout} bytes, expected one of {LAYOUTS}")
     return layout, n_rx, n_tx
-
-
-class CsiLogParser:
-    """A log in pieces: `feed` bytes, take records with `next_record` until it returns None.
-
-    A broken record raises CsiError once. The next call goes on behind it where something like a record stands there;
-    else its length was wrong, and the parser looks for the next sound CSI record.
-    """
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self._start = 0
-        self._offset = 0
-        self._lost = False
-        self._broken_end: int | None = None
-        self.unknown_count = 0
-        """Records of other codes, skipped."""
-        self.skipped_bytes = 0
-        """Passed over while looking for a record."""
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes fed of a record whose end has not arrived."""
-        return len(self._buffer) - self._start
-
-    def feed(self, data: bytes) -> None:
-        del self._buffer[: self._start]
-        self._start = 0
-        self._buffer += data
-
-    def next_record(self) -> tuple[int, CsiRecord | MpduRecord] | None:
-        """(offset of the record in all bytes fed, record), or None for "need more". Raises CsiError."""
-        while True:
-            if self._broken_end is not None and not self._leave(self._broken_end):
-                return None
-            if self._lost and not self._find():
-                return None
-            frame = self._frame()
-            if frame is None or frame[1] > len(self._buffer):
-                return None
-            code, end = frame
-            offset = self._offset
-            try:
-                record = parse_body(code, bytes(self._buffer[self._start + 3 : end]))
-            except CsiError as error:
-                self._broken_end = end - self._start
-                raise CsiError(error.reason, offset) from None
-            self._advance(end)
-            if record is not None:
-                return offset, record
-            self.unknown_count += 1
-
-    def _frame(self) -> tuple[int, int] | None:
-        """(code, end) of what stands at the start, though its end may not be there yet. Raises CsiError for a length
-        that nothing has."""
-        data, start = self._buffer, self._start
-        if len(data) - start < 3:
-            return None
-        length = data[start] << 8 | data[start + 1]
-        longest = MAX_FRAME if data[start + 2] == MPDU_CODE else MAX_CSI_FRAME
-        if not 1 <= length <= longest:
-            offset = self._offset
-            self._lost = True
-            self._skip(start + 1)
-            raise CsiError(f"record length {length}, expected 1..{longest}", offset)
-        return data[start + 2], start + 2 + length
-
-    def _leave(self, size: int) -> bool:
-        """Past a broken record of `size` bytes, or into it where nothing stands behind it; False to see more first."""
-        data, end = self._buffer, self._start + size
-        if len(data) - end < 3:
-            return False
-        self._broken_end = None
-        length = data[end] << 8 | data[end + 1]
-        if 1 <= length <= MAX_FRAME and data[end + 2] in (CSI_CODE, MPDU_CODE):
-            self._advance(end)
-        else:
-            self._lost = True
-            self._skip(self._start + 1)
-        return True
-
-    def _find(self) -> bool:
-        """Advances to the next sound CSI record; False when more bytes are needed to see one."""
-        data, at = self._buffer, self._start
-        while (code_at := data.find(CSI_CODE, at + 2)) >= 0:
-            at = code_at - 2
-            length = data[at] << 8 | data[at + 1]
-            if MIN_CSI_FRAME <= length <= MAX_CSI_FRAME:
-                if at + 2 + length > len(data):
-                    self._skip(at)
-                    return False
-                try:
-                    body_shape(memoryview(data)[at + 3 : at + 2 + length])
-                except CsiError:
-                    pass
-                else:
-                    self._skip(at)
-                    self._lost = False
-                    return True
-            at += 1
-        self._skip(max(self._start, len(data) - 2))
-        return False
-
-    def _skip(self, to: int) -> None:
-        self.skipped_bytes += to - self._start
-        self._advance(to)
-
-    def _advance(self, end: int) -> None:
-        self._offset += end - self._start
-        self._start = end
 
 
 def _stamp(body: bytes, layout: int) -> tuple[int | None, bytes | None, int | None]:

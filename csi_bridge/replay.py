@@ -43,7 +43,6 @@ class Tape:
     path: Path
     records: Sequence[tuple[int, bytes]]
     t_s: npt.NDArray[np.float64]
-    is_wall_time: bool
     due_s: npt.NDArray[np.float64]
     """(N,) when to send each, from 0 on, spaced by the card's clock: the host's may have been set meanwhile."""
 
@@ -83,7 +82,7 @@ def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
     stamps = np.array([record.timestamp_low_us for record in log.records], np.uint32)
     is_wall = bool(np.all(host_s > 0))
     due_s = _spaced(stamps, host_s if is_wall else None)
-    return Tape(log.path, records, np.maximum.accumulate(host_s) if is_wall else due_s, is_wall, due_s)
+    return Tape(log.path, records, np.maximum.accumulate(host_s) if is_wall else due_s, due_s)
 
 
 def _connector_tape(path: Path) -> Tape:
@@ -107,7 +106,7 @@ def _connector_tape(path: Path) -> Tape:
     due_s = _spaced(stamps[known], host_s[known] if is_wall else None)
     times = np.maximum.accumulate(host_s[known]) if is_wall else due_s
     follower = np.minimum(np.searchsorted(known, np.arange(len(records))), len(known) - 1)
-    return Tape(path, records, times[follower], is_wall, due_s[follower])
+    return Tape(path, records, times[follower], due_s[follower])
 
 
 class _Records(Sequence[tuple[int, bytes]]):

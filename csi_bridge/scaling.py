@@ -1,7 +1,7 @@
-"""CSI in absolute units, and the spatial mapping of the sender taken out.
+"""Power in absolute units, and the spatial mapping of the sender taken out.
 
 The card scales each report to its 8 bits; the power is in rssi and agc. Formulae and matrices are those of the 802.11n
-CSI Tool's get_total_rss.m, get_scaled_csi.m and remove_sm.m (D. Halperin).
+CSI Tool's get_total_rss.m and remove_sm.m (D. Halperin).
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from csi_bridge.records import SUBCARRIERS, CsiRecord
-
 HT_FLAG: Final = 1 << 8
 HT40_FLAG: Final = 1 << 11
 """Bits of the rate field (rate_n_flags of iwlwifi)."""
@@ -21,10 +19,6 @@ _RSSI_OFFSET_DB: Final = 44
 _SPACING_HZ: Final = 312_500.0
 _INDICES_20MHZ: Final = (*range(-28, 0, 2), -1, *range(1, 28, 2), 28)
 _INDICES_40MHZ: Final = tuple(range(-58, 59, 4))
-_NO_NOISE: Final = -127
-_DEFAULT_NOISE_DBM: Final = -92
-# The transmitter shares its power among its streams: 2 take 3 dB. The CSI Tool counts 4.5 dB, not 4.8, for 3.
-_STREAM_GAIN: Final = (1.0, np.sqrt(2.0), 10 ** (4.5 / 20))
 
 Complex = npt.NDArray[np.complex64]
 
@@ -49,18 +43,6 @@ def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:
     """Received power over all antennas [dBm]; -inf where no antenna reports any. rssi 0 marks an absent antenna."""
     total = sum(10 ** (value / 10) for value in rssi if value)
     return 10 * float(np.log10(total)) - _RSSI_OFFSET_DB - agc if total else -np.inf
-
-
-def scaled_csi(record: CsiRecord) -> Complex:
-    """CSI (30, n_rx, n_tx) whose squared magnitude is the signal to noise ratio (thermal noise and the report's own
-    rounding), each stream as if sent with all the power."""
-    power = float(np.square(np.abs(record.csi)).sum())
-    if power == 0:
-        return record.csi.copy()
-    scale = 10 ** (total_rss_dbm(record.rssi, record.agc) / 10) / (power / SUBCARRIERS)
-    noise_dbm = _DEFAULT_NOISE_DBM if record.noise_dbm == _NO_NOISE else record.noise_dbm
-    noise = 10 ** (noise_dbm / 10) + scale * record.n_rx * record.n_tx
-    return np.asarray(record.csi * np.float32(np.sqrt(scale / noise) * _STREAM_GAIN[record.n_tx - 1]), np.complex64)
 
 
 def without_spatial_mapping(csi: Complex, rate: int) -> Complex:

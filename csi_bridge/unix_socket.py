@@ -7,36 +7,33 @@ from __future__ import annotations
 
 import errno
 import socket
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from csi_bridge.connector import decode_message, encode_message
+from csi_bridge.draining import Draining
 from csi_bridge.feitcsi.message import decode_event, encode_event
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.generic_netlink import is_generic
-from csi_bridge.records import CsiError
-from csi_bridge.source import SourceCounters
 
 UNIX_CONNECTOR_IDX: Final = 26
 """The connector index written into messages on a Unix socket, where there are no groups."""
-_DATAGRAM_BYTES: Final = 1 << 16
 
 
 class UnixSocketError(OSError):
     """The socket path cannot be used; the message names it."""
 
 
-class UnixSource:
-    """CSI records sent to the socket at `path`, which is made here and removed by `close`.
+class UnixSource(Draining):
+    """CSI records sent to the socket at `path`, which is made here and removed by `close`. It never overruns: the
+    sender is refused instead.
 
     A socket file that nobody listens on is taken over. Raises UnixSocketError.
     """
 
     def __init__(self, path: str | Path, receive_buffer_bytes: int = 1 << 20) -> None:
         self._path = Path(path)
-        self._counters = SourceCounters()
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        super().__init__(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK), _decode)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
         try:
             remove_stale(self._path)
@@ -47,30 +44,8 @@ class UnixSource:
                 error.errno, f"cannot make the CSI socket {self._path}: {error.strerror or error}"
             ) from None
 
-    @property
-    def counters(self) -> SourceCounters:
-        return self._counters
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        """See CsiSource. A Unix socket never overruns: the sender is refused instead."""
-        records: list[tuple[int, bytes]] = []
-        for _ in range(limit):
-            try:
-                datagram = self._socket.recv(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                break
-            self._counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
-            try:
-                records.append(_decode(datagram))
-            except CsiError:
-                self._counters = replace(self._counters, malformed=self._counters.malformed + 1)
-        return records
-
     def close(self) -> None:
-        self._socket.close()
+        super().close()
         self._path.unlink(missing_ok=True)
 
 
@@ -99,7 +74,7 @@ def _encode(code: int, body: bytes) -> bytes:
     return encode_event(body) if code == FEITCSI_CODE else encode_message(UNIX_CONNECTOR_IDX, code, body)
 
 
-def _decode(datagram: bytes) -> tuple[int, bytes]:
+def _decode(datagram: bytes, _: object) -> tuple[int, bytes]:
     """Raises CsiError."""
     if is_generic(datagram):
         return FEITCSI_CODE, decode_event(datagram)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from csi_bridge.records import CsiRecord
+from csi_bridge.dat_frames import offsets, sound_frames
+from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.parser import parse_body
+from csi_bridge.records import CSI_CODE, CsiRecord, MpduRecord
 from tests.paths import DATA
 
 MAC = bytes.fromhex("00216a3f175a")
@@ -41,3 +46,18 @@ def same(a: CsiRecord, b: CsiRecord) -> bool:
     """Every field equal, the CSI bit for bit."""
     slots = [name for name in CsiRecord.__slots__ if name != "csi"]
     return np.array_equal(a.csi, b.csi) and all(getattr(a, name) == getattr(b, name) for name in slots)
+
+
+def log_of(records: Iterable[CsiRecord]) -> bytes:
+    """A whole log file of CSI records."""
+    return b"".join(encode_file_record(CSI_CODE, encode_body(record)) for record in records)
+
+
+def parsed(data: bytes) -> list[tuple[int, CsiRecord | MpduRecord]]:
+    """Where each record of a log begins, and the record. Raises DatFileError for what is no log."""
+    found = []
+    for start, end in offsets(sound_frames(Path("log"), data)):
+        record = parse_body(data[start + 2], data[start + 3 : end])
+        if record is not None:
+            found.append((int(start), record))
+    return found

@@ -29,6 +29,7 @@ _OUT: Final = _ROOT / "build" / "test"
 _PYTEST: Final = (sys.executable, "-m", "pytest")
 _NICE: Final = ("nice", "-n", "10")
 _INTERRUPTED: Final = 130
+_TESTS_FAILED: Final = 1
 _END_S: Final = 20.0
 
 
@@ -52,7 +53,10 @@ def _real_time(name: str, *modules: str) -> Lane:
     """Modules of tests/sitl one after the other."""
     cache = f"cache_dir={_OUT / name}.cache"
     command = (*_PYTEST, "-o", cache, *(f"tests/sitl/test_{module}.py" for module in modules))
-    return Lane(name, command, alone=(*command, "--last-failed", "--last-failed-no-failures", "none"))
+    # What an earlier run left of failures is no answer to this one.
+    return Lane(
+        name, (*command, "--cache-clear"), alone=(*command, "--last-failed", "--last-failed-no-failures", "none")
+    )
 
 
 _FLIGHTS: Final = (
@@ -83,13 +87,13 @@ def run(chosen: list[Lane]) -> int:
     began_s = time.monotonic()
     started = [(lane, _start(lane)) for lane in chosen]
     running = {process.pid: (lane, process) for lane, process in started}
-    lines, failed = list[str](), list[Lane]()
+    lines, failed = list[str](), list[tuple[Lane, int]]()
     try:
         while running:
             pid, status, used = os.wait3(0)
             lane, process = running.pop(pid)
             process.returncode = code = os.waitstatus_to_exitcode(status)
-            failed += [lane] * (code != 0)
+            failed += [(lane, code)] * (code != 0)
             lines.append(
                 f"{lane.name:>10} {'passed' if code == 0 else f'FAILED ({code})'}: {time.monotonic() - began_s:.0f} s, "
                 f"of which {used.ru_utime + used.ru_stime:.0f} s of processor"
@@ -100,7 +104,8 @@ def run(chosen: list[Lane]) -> int:
         _end([process for _, process in running.values()])
         return _INTERRUPTED
     print("", *lines, sep="\n", flush=True)
-    alone = [_passes_alone(lane) for lane in failed]
+    # A lane that was killed or never began has not said which of its tests failed.
+    alone = [code == _TESTS_FAILED and _passes_alone(lane) for lane, code in failed]
     return int(not all(alone))
 
 

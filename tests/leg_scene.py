@@ -23,7 +23,7 @@ from csi_bridge.records import CSI_CODE, CsiRecord
 from csi_bridge.source import SourceCounters
 from tests.sim_scenes import BEACON_MAC, UAV_MAC, scene, straight, weave
 from wsr.channel import wavelength_m
-from wsr.estimators import estimate_aoa
+from wsr.estimators.robust import Robust
 from wsr.geometry import direction, great_circle
 
 KEY = b"k" * 32
@@ -135,7 +135,7 @@ class Scene:
 
     def error_deg(self, report: ApertureReport) -> float:
         assert report.aperture is not None, report.refusal
-        estimate, _ = estimate_aoa(report.aperture)
+        estimate, _ = Robust().estimate(report.aperture)
         t_s = 1.0 + estimate.reference_t_s
         uav = self.uav.antennas_at(np.array([t_s]), np.array([LEVER_M]))[0, 0]
         beacon = self.beacon.antennas_at(np.array([t_s]), np.array([BEACON_LEVER_M]))[0, 0]

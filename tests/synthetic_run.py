@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from csi_bridge.encoder import encode_log
 from csi_bridge.records import CsiRecord
+from tests.csi_records import log_of
 from wsr.channel import SUBCARRIERS_20MHZ, wavelength_m
 
 STAMP = "2026-01-02_030405"
@@ -73,8 +73,8 @@ def write_run(
     oscillators = np.exp(2j * np.pi * rng.random(EXCHANGES))
     answers = [_record(n, t_s[n] + 3e-4, TX_MAC, one_way[n] * oscillators[n], layout, rng) for n in range(EXCHANGES)]
     pings = [_record(n, t_s[n], RX_MAC, one_way[n] / oscillators[n], layout, rng, tx_clock_s) for n in range(EXCHANGES)]
-    files.rx.write_bytes(encode_log(answers) + encode_log(answers[:1])[:40])
-    files.tx.write_bytes(encode_log(pings))
+    files.rx.write_bytes(log_of(answers) + log_of(answers[:1])[:40])
+    files.tx.write_bytes(log_of(pings))
     pose_t_s = np.arange(0.0, SECONDS, 0.01)
     rows = [(START_S + t, 0.0, *p) for t, p in zip(pose_t_s, path_m(pose_t_s, flat), strict=True)]
     files.trajectory.write_text("".join(",".join(f"{value:.6f}" for value in row) + ",\n" for row in rows))

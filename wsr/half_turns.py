@@ -1,8 +1,8 @@
 """Receive chains whose sign is random: an AX card turns each chain by half a turn, or not, from packet to packet.
 
-Two chains of one packet tell their relative sign: their relative phase changes only as the antennas move. What is left
-is one sign at each end. The half phase of H_f H_r^* then is off by quarter turns, and h^2 = +-H_f H_r: the one-way
-channel has four roots where it has two otherwise. They are chained from packet to packet like the two.
+One chain is used at each end, and its sign is left. The half phase of H_f H_r^* then is off by quarter turns, and
+h^2 = +-H_f H_r: the one-way channel has four roots where it has two otherwise. They are chained from packet to packet
+like the two.
 """
 
 from __future__ import annotations
@@ -17,28 +17,9 @@ from wsr.aperture import Aperture
 from wsr.reciprocity import ChainLimits, chain_quarters, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 
-_MEMORY = 0.8
-"""Of the relative phase of two chains: a few packets, as long as a robot keeps its place to a small part of a wave."""
 _FAR_WAVELENGTHS, _NEAR_WAVELENGTHS = 1 / 3, 1 / 12
 
 Array = NDArray[np.float64]
-
-
-def relative_signs(csi: NDArray[np.complexfloating]) -> NDArray[np.int8]:
-    """Signs (M, R) by which to multiply the chains of CSI (M, S, R), in the order of time, so that their phases against
-    the strongest one go on evenly. That one's own sign is 1 in every packet; a chain without signal keeps 1."""
-    values = np.asarray(csi, np.complex128)
-    strongest = int(np.argmax(np.square(np.abs(values)).sum(axis=(0, 1)))) if len(values) else 0
-    between = np.einsum("msr,ms->mr", values, values[:, :, strongest].conj())
-    unit = between / np.maximum(np.abs(between), np.finfo(np.float64).tiny)
-    signs = np.ones(unit.shape, np.int8)
-    for chain in range(unit.shape[1]):
-        usual = 0j
-        for packet, now in enumerate(unit[:, chain].tolist()):
-            flipped = (now * usual.conjugate()).real < 0
-            signs[packet, chain] = -1 if flipped else 1
-            usual = _MEMORY * usual + (-now if flipped else now)
-    return signs
 
 
 def without_half_turns(aperture: Aperture) -> Aperture:

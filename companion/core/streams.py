@@ -77,6 +77,3 @@ STREAMS: Final = (
     PROFILE, POSE, APERTURE_PATH, TRANSFORMS, SCENE,
     HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
 )  # fmt: skip
-
-SERVICE_STREAMS: Final = tuple(stream for stream in STREAMS if stream.part is not Part.TRUTH)
-"""What the service itself records."""

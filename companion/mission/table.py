@@ -127,9 +127,6 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
 }
 """What is not listed keeps the state and asks for nothing."""
 
-STREAM_STATES: Final = frozenset({State.TAKING_OFF, *_STREAMING})
-"""States in which set points may go out (in TAKING_OFF only after STREAM_START)."""
-
 
 def step(state: State, event: Event) -> Step:
     """The next state and what to do, for every pair."""

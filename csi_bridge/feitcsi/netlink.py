@@ -8,25 +8,22 @@ from __future__ import annotations
 import errno
 import os
 import socket
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from csi_bridge.draining import Draining
 from csi_bridge.feitcsi.message import FAMILY_NAME, VENDOR_COMMAND, decode_event, encode_event, subscription
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.generic_netlink import NETLINK_GENERIC, family_number, request
 from csi_bridge.netlink import DEFAULT_CONNECTOR_IDX, NetlinkError, grow
-from csi_bridge.records import CsiError
-from csi_bridge.source import SourceCounters
 
 _PORT_IDS: Final = 0xFE17_0000
 _KERNEL_PORT_ID: Final = 0
-_DATAGRAM_BYTES: Final = 1 << 16
 _ANSWER_S: Final = 2.0
 _SOCKETS: Final = Path("/proc/net/netlink")
 
 
-class VendorEventSource:
+class VendorEventSource(Draining):
     """Reports of the card of `interface`.
 
     With `require_kernel_sender` the kernel must have nl80211 and take the subscription, and messages of any other
@@ -42,8 +39,7 @@ class VendorEventSource:
         idx: int = DEFAULT_CONNECTOR_IDX,
     ) -> None:
         self._kernel_only = require_kernel_sender
-        self._counters = SourceCounters()
-        self._socket = _open(0 if require_kernel_sender else _PORT_IDS | idx)
+        super().__init__(_open(0 if require_kernel_sender else _PORT_IDS | idx), self._record)
         self._family: int | None = None
         try:
             grow(self._socket, receive_buffer_bytes)
@@ -55,46 +51,11 @@ class VendorEventSource:
                 raise
         self._socket.setblocking(False)
 
-    @property
-    def counters(self) -> SourceCounters:
-        return self._counters
-
-    def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        """See CsiSource. ENOBUFS means reports were lost and the socket is fine: counted, reading goes on."""
-        records: list[tuple[int, bytes]] = []
-        for _ in range(limit):
-            try:
-                datagram, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                break
-            except OSError as error:
-                if error.errno != errno.ENOBUFS:
-                    raise
-                self._counters = replace(self._counters, overruns=self._counters.overruns + 1)
-                continue
-            body = self._accept(datagram, sender[0])
-            if body is not None:
-                records.append((FEITCSI_CODE, body))
-        return records
-
-    def close(self) -> None:
-        self._socket.close()
-
-    def _accept(self, datagram: bytes, sender_port_id: int) -> bytes | None:
-        counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
-        body = None
-        if self._kernel_only and sender_port_id != _KERNEL_PORT_ID:
-            counters = replace(counters, refused_sender=counters.refused_sender + 1)
-        else:
-            try:
-                body = decode_event(datagram, self._family if sender_port_id == _KERNEL_PORT_ID else None)
-            except CsiError:
-                counters = replace(counters, malformed=counters.malformed + 1)
-        self._counters = counters
-        return body
+    def _record(self, datagram: bytes, sender: tuple[int, int]) -> tuple[int, bytes] | None:
+        is_kernel = sender[0] == _KERNEL_PORT_ID
+        if self._kernel_only and not is_kernel:
+            return None
+        return FEITCSI_CODE, decode_event(datagram, self._family if is_kernel else None)
 
 
 class VendorEventFeeder:

@@ -6,9 +6,9 @@ import random
 
 from csi_bridge.connector import decode_message, encode_message
 from csi_bridge.encoder import encode_body, encode_file_record
-from csi_bridge.parser import CsiLogParser, parse_body
+from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord
-from tests.csi_records import record
+from tests.csi_records import parsed, record
 from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
 from tests.mutation import mutant
@@ -30,11 +30,11 @@ def test_fault_14_mutated_records_raise_nothing_but_the_parsers_error() -> None:
         # The headers decide what happens, so most mutations go there.
         changed = mutant(original[:60], rng) + original[60:] if rng.random() < 0.8 else mutant(original, rng)
         try:
-            parsed = parse_body(*decode_message(changed, 26))
+            read = parse_body(*decode_message(changed, 26))
         except CsiError:
             refused += 1
         else:
-            accepted += isinstance(parsed, CsiRecord)
+            accepted += isinstance(read, CsiRecord)
     assert refused > MUTANTS // 10
     assert accepted > MUTANTS // 10
     note(14, "mutated records", mutants=MUTANTS, refused=refused, read_as_csi=accepted, other_errors=0)
@@ -49,17 +49,7 @@ def test_fault_14_a_mutated_log_loses_little_more_than_what_was_hit() -> None:
     for _ in range(rounds):
         at = rng.randrange(5, 55)
         log = b"".join([*good[:at], mutant(good[at], rng), *good[at + 1 :]])
-        parser, found = CsiLogParser(), set()
-        parser.feed(log)
-        for _ in range(len(log)):
-            try:
-                item = parser.next_record()
-            except CsiError:
-                continue
-            if item is None:
-                break
-            if isinstance(item[1], CsiRecord) and item[1].frame_count is not None:
-                found.add(item[1].frame_count)
+        found = {record.frame_count for _, record in parsed(log) if isinstance(record, CsiRecord)}
         hit += 1
         lost += len(set(range(60)) - found)
     assert lost <= 2 * hit

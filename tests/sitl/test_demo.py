@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from companion.core.streams import SERVICE_STREAMS
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
@@ -25,6 +24,7 @@ from companion.sim import truth
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth
+from tests.sitl.topics import SERVICE_TOPICS
 
 SEED = 3
 
@@ -74,10 +74,10 @@ def test_it_leaves_a_log_and_two_pictures(finished: tuple[subprocess.CompletedPr
     out = finished[1]
     for name in ("flight.png", "profile.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
-    topics = {message.topic for message in read_log(out / "log.mcap", {stream.topic for stream in SERVICE_STREAMS})}
+    topics = {message.topic for message in read_log(out / "log.mcap", SERVICE_TOPICS)}
     # The gate speaks only when it refuses, the autopilot when it has something to say; nothing was only observed.
     quiet = {"/gate", "/autopilot_event", "/observed_setpoint"}
-    assert topics | quiet == {stream.topic for stream in SERVICE_STREAMS}
+    assert topics | quiet == SERVICE_TOPICS
 
 
 def test_the_log_decides_the_same_again(finished: tuple[subprocess.CompletedProcess[str], Path]) -> None:

@@ -81,7 +81,8 @@ async def test_an_abort_while_an_engagement_is_still_checked_ends_it(flying: Fly
     await asyncio.sleep(0.3)
     await flying.px4("parameters heard")  # they are asked for again
     answer = await engaging
-    assert not answer["ok"] and answer["error"] == "it was aborted meanwhile"
+    # On a loaded machine a line of the preflight may stand beside it.
+    assert not answer["ok"] and "it was aborted meanwhile" in answer["error"].split("; ")
     await asyncio.sleep(0.2)
     report = await flying.px4("rc")
     assert not report.armed and (await flying.status())["state"] == "idle"

@@ -17,9 +17,9 @@ from typing import Any
 import msgspec
 
 from companion.config.schema import MissionConfig
-from companion.core.streams import SERVICE_STREAMS
 from companion.log.reader import read_log
 from tests.sitl.flying import Flying, flying
+from tests.sitl.topics import SERVICE_TOPICS
 
 _ASKS_AND_TELLS = {
     "HEARTBEAT",
@@ -81,7 +81,7 @@ async def test_an_observing_service_computes_all_and_commands_nothing(tmp_path: 
     assert MissionConfig().control == "observe", "the default"
     await _observed(tmp_path)
     log = tmp_path / "log.mcap"
-    messages = list(read_log(log, {stream.topic for stream in SERVICE_STREAMS}))
+    messages = list(read_log(log, SERVICE_TOPICS))
     logged = Counter(message.topic for message in messages)
     assert logged.keys() >= _COMPUTED and "/setpoint" not in logged
     assert logged["/observed_setpoint"] > 10

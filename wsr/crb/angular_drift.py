@@ -14,8 +14,6 @@ An offset that varies moves a position by at most rho (delta + mu) and so turns 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -35,16 +33,3 @@ def with_angular_drift(chi_m: ArrayLike, azimuth_offset_rad: ArrayLike, polar_of
     return np.asarray(
         radius * direction(azimuth + np.asarray(azimuth_offset_rad, float), polar + np.asarray(polar_offset_rad, float))
     )
-
-
-def least_amplitude(
-    radius_m: float, wavelength_m: float, azimuth_deviation_rad: float, polar_deviation_rad: float
-) -> float:
-    """What |sum| / M keeps at least when azimuth and polar angle deviate by up to +-delta and +-mu about their means.
-
-    cos(4 pi rho (delta + mu) / lambda), zero from a quarter turn on, for positions up to `radius_m` from the origin
-    and the round-trip product. The profile, a power, keeps the square. The paper prints cos((delta + mu) / 2): the
-    scale 4 pi rho / lambda is lost, and half of the deviations would be right only if they were from peak to peak.
-    """
-    turn = 4 * math.pi * radius_m / wavelength_m * (abs(azimuth_deviation_rad) + abs(polar_deviation_rad))
-    return math.cos(turn) if turn < math.pi / 2 else 0.0

@@ -37,10 +37,6 @@ class MeanInformation:
     b: Array
     c: Array
 
-    @property
-    def determinant(self) -> Array:
-        return np.asarray(self.a * self.b - self.c**2)
-
 
 def helix(
     radius_m: float,
@@ -80,7 +76,7 @@ def line(
     phase: Phase = "known",
     round_trip: bool = False,
 ) -> MeanInformation:
-    """A straight line of `length_m` from the origin along the unit vector `along` (3,). Its determinant is zero."""
+    """A straight line of `length_m` from the origin along the unit vector `along` (3,). A B = C²."""
     phi, theta = np.asarray(azimuth_rad, float), np.asarray(polar_rad, float)
     x, y, z = np.asarray(along, float)
     unit = (_wavenumber(wavelength_m, round_trip) * length_m) ** 2 / (3 if phase == "known" else 12)

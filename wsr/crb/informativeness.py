@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from wsr.aperture import Aperture
 from wsr.crb.sphere import crb_over, scatter_factor
-from wsr.geometry import direction, great_circle
+from wsr.geometry import direction
 from wsr.uncertainty import phase_variance
 
 _STEP_RAD = math.radians(5.0)
@@ -41,28 +41,13 @@ def sphere_prior(step_rad: float = _STEP_RAD) -> Prior:
     return Prior(azimuth, polar, weight / weight.sum())
 
 
-def bearing_prior(azimuth_rad: float, polar_rad: float, std_rad: float, step_rad: float = _STEP_RAD) -> Prior:
-    """Around an earlier bearing: weights exp((cos d - 1) / std^2) times the solid angle, d the distance on the sphere.
-
-    Far out these vanish and are left out; a bearing much sharper than the grid is its nearest point.
-    """
-    anywhere = sphere_prior(step_rad)
-    centre = direction(azimuth_rad, polar_rad)
-    distance = great_circle(direction(anywhere.azimuth_rad, anywhere.polar_rad), centre)
-    exponent = (np.cos(distance) - 1.0) / std_rad**2
-    weight = anywhere.weight * np.exp(exponent - exponent.max())
-    kept = weight > 1e-6 * weight.max()
-    return Prior(anywhere.azimuth_rad[kept], anywhere.polar_rad[kept], weight[kept] / weight[kept].sum())
-
-
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Great-circle bounds [rad^2] over a prior: the worst and where it is, the mean, and what `share` stay below."""
+    """Great-circle bounds [rad^2] over a prior: the worst and where it is, and what `share` stay below."""
 
     worst_rad2: float
     worst_azimuth_rad: float
     worst_polar_rad: float
-    mean_rad2: float
     percentile_rad2: float
     share: float
 
@@ -84,7 +69,7 @@ class Informativeness:
 
 
 def spread(factor: Array, prior: Prior, share: float = _SHARE) -> Spread:
-    """Worst, mean and percentile over a prior, for a `wsr.crb.sphere.scatter_factor`."""
+    """Worst and percentile over a prior, for a `wsr.crb.sphere.scatter_factor`."""
     bounds = crb_over(factor, prior.azimuth_rad, prior.polar_rad).great_circle_rad2
     # Opposite directions have one bound: of such equals the first, whichever way the processor rounds.
     worst = int(np.argmax(bounds >= bounds.max() * (1.0 - _EQUAL)))
@@ -95,22 +80,9 @@ def spread(factor: Array, prior: Prior, share: float = _SHARE) -> Spread:
         float(bounds[worst]),
         float(prior.azimuth_rad[worst]),
         float(prior.polar_rad[worst]),
-        float(prior.weight @ bounds),
         float(bounds[order[at]]),
         share,
     )
-
-
-def source_informativeness(
-    chi_m: Array,
-    wavelength_m: float,
-    azimuth_rad: float,
-    polar_rad: float,
-    phase_variance_rad2: ArrayLike = 1.0,
-) -> float:
-    """Towards one direction, of any path chi_m (M, 3), flown or only planned; in rad^-2."""
-    factor = scatter_factor(chi_m, wavelength_m, phase_variance_rad2)
-    return float(1.0 / crb_over(factor, azimuth_rad, polar_rad).great_circle_rad2[0])
 
 
 def informativeness(

@@ -1,8 +1,8 @@
 """Estimators: a checked aperture in, a direction with what it is worth and a profile out; pure and deterministic.
 
 `ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
-`bartlett` (the paper's), `music` (the subspace method). `estimate_aoa` is `robust` in one call;
-`far_field.FarField` reads plane waves alone. The modules are steps of these: `preparation`, `stretches` and
+`bartlett` (the paper's), `music` (the subspace method). `far_field.FarField` reads plane waves
+alone. The modules are steps of these: `preparation`, `stretches` and
 `source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up` loads or compiles
 the machine code of `robust`.
 """
@@ -14,19 +14,13 @@ from collections.abc import Callable
 import numpy as np
 
 from wsr import kernel
-from wsr.aoa import AoaEstimate, Estimator
+from wsr.aoa import Estimator
 from wsr.aperture import Aperture
 from wsr.estimators.bartlett import Bartlett
 from wsr.estimators.music import Music
 from wsr.estimators.robust import Robust
-from wsr.profile import Profile
 
 ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
-
-
-def estimate_aoa(aperture: Aperture) -> tuple[AoaEstimate, Profile]:
-    """The `robust` estimate with its defaults. Raises ApertureError."""
-    return Robust().estimate(aperture)
 
 
 def warm_up() -> None:

@@ -11,10 +11,9 @@ import pytest
 
 from csi_bridge.dat import CsiLog, read_dat
 from csi_bridge.dat_frames import DatFileError
-from csi_bridge.encoder import encode_body, encode_file_record, encode_log
-from csi_bridge.parser import CsiLogParser
+from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord
-from tests.csi_records import needs_data, record
+from tests.csi_records import log_of, needs_data, parsed, record
 from tests.paths import DATA
 
 STOCK_SAMPLES = {
@@ -100,22 +99,20 @@ def test_every_real_log_reads_cleanly() -> None:
 def test_group_decoding_equals_the_parser_record_by_record(tmp_path: Path) -> None:
     shapes = [(3, 1, 38), (2, 1, 20), (3, 2, 34), (1, 1, 38), (3, 1, 38), (3, 3, 20), (2, 1, 20)]
     records = [record(n_rx, n_tx, layout, seed) for seed, (n_rx, n_tx, layout) in enumerate(shapes)]
-    content = encode_file_record(MPDU_CODE, b"frame") + encode_log(records)
+    content = encode_file_record(MPDU_CODE, b"frame") + log_of(records)
     path = tmp_path / "mixed.dat"
-    path.write_bytes(content + encode_file_record(0x42, b"other") + encode_log(records)[:30])
+    path.write_bytes(content + encode_file_record(0x42, b"other") + log_of(records)[:30])
     log = read_dat(path)
-    parser = CsiLogParser()
-    parser.feed(content)
     assert (len(log), log.mpdu_count, log.unknown_count, log.truncated_bytes) == (7, 1, 1, 30)
     number = 0
-    while (item := parser.next_record()) is not None:
-        if isinstance(parsed := item[1], CsiRecord):
-            rows = log.csi[number][:, list(parsed.antennas), : parsed.n_tx]
-            assert np.array_equal(rows, parsed.csi)
-            assert np.count_nonzero(log.csi[number]) == np.count_nonzero(parsed.csi)
-            assert log.layout[number] == parsed.layout
-            assert log.frame_count[number] == (-1 if parsed.frame_count is None else parsed.frame_count)
-            assert log.mac[number] == ("" if parsed.mac is None else parsed.mac.hex(":").upper())
+    for _, one in parsed(content):
+        if isinstance(one, CsiRecord):
+            rows = log.csi[number][:, list(one.antennas), : one.n_tx]
+            assert np.array_equal(rows, one.csi)
+            assert np.count_nonzero(log.csi[number]) == np.count_nonzero(one.csi)
+            assert log.layout[number] == one.layout
+            assert log.frame_count[number] == (-1 if one.frame_count is None else one.frame_count)
+            assert log.mac[number] == ("" if one.mac is None else one.mac.hex(":").upper())
             number += 1
     assert number == 7
 
@@ -203,7 +200,7 @@ def test_damage_in_a_log_with_frames_of_both_kinds(tmp_path: Path) -> None:
         (b"time,x,y,z\n" * 500, "not a CSI log"),
         (bytes(4096), "not a CSI log"),
         (b"\x7fELF" * 3000, "not a CSI log"),
-        (encode_log([record()])[:60], "not a CSI log"),
+        (log_of([record()])[:60], "not a CSI log"),
     ],
 )
 def test_files_that_are_no_log_are_named(tmp_path: Path, content: bytes | None, reason: str) -> None:

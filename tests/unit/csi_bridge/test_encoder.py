@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import csiread
 import numpy as np
 import pytest
 
-from csi_bridge.encoder import EncodeError, encode_body
+from csi_bridge.dat import read_dat
+from csi_bridge.dat_frames import frame_offsets
+from csi_bridge.encoder import EncodeError, encode_body, encode_file_record
 from csi_bridge.parser import parse_body
-from csi_bridge.records import CSI_CODE, CsiRecord
-from tests.csi_records import record, same
+from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord
+from tests.csi_records import log_of, needs_data, record, same
+from tests.paths import DATA
 
 
 def test_reads_what_the_encoder_wrote() -> None:
@@ -37,3 +42,41 @@ def test_reads_what_the_encoder_wrote() -> None:
 def test_encoder_refuses_what_no_card_reports(change: dict[str, object], reason: str) -> None:
     with pytest.raises(EncodeError, match=reason):
         encode_body(replace(record(), **change))  # type: ignore[arg-type]
+
+
+REAL = (
+    "csi_samples/sample_0x5_64_3000.dat",
+    "csi_samples/sample_0x1_ap.dat",
+    "wsr_3d/3D_1_RX_2_TX_formation_2/3D_TX_dataset_csi_rx_tx/csi_rx_2021-03-03_212019.dat",
+    "wsr_dataset_dev/LOS_Set_A/0627_2D-multi-link_A_L2/csi_rx_2021-06-27_203220.dat",
+)
+
+
+@needs_data
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_log_taken_apart_and_written_again_is_the_same_file(name: str) -> None:
+    data, frames = frame_offsets(DATA / name)
+    again = b""
+    for start, end in frames:
+        code, body = data[start + 2], data[start + 3 : end]
+        one = parse_body(code, body)
+        again += encode_file_record(code, encode_body(one) if isinstance(one, CsiRecord) else body)
+    assert again == data[: frames[-1][1]]
+
+
+@pytest.mark.parametrize(("n_rx", "n_tx"), [(1, 1), (2, 1), (3, 1), (3, 2), (3, 3)])
+def test_csiread_reads_what_we_write_in_layout_20(n_rx: int, n_tx: int, tmp_path: Path) -> None:
+    # csiread misplaces the rows of fewer than three antennas, so that all stand in order here.
+    records = [replace(record(n_rx, n_tx, 20, seed), antenna_sel=0b10_01_00) for seed in range(30)]
+    mpdu = encode_file_record(MPDU_CODE, b"frame" * 20)
+    (tmp_path / "log.dat").write_bytes(b"".join(mpdu + log_of([one]) for one in records))
+    oracle = csiread.Intel(str(tmp_path / "log.dat"), nrxnum=n_rx, ntxnum=n_tx, pl_size=0, if_report=False)
+    oracle.read()
+    assert oracle.count == 30
+    log = read_dat(tmp_path / "log.dat")
+    assert (len(log), log.mpdu_count, log.malformed_count, log.truncated_bytes) == (30, 30, 0, 0)
+    for number, one in enumerate(records):
+        assert oracle.timestamp_low[number] == one.timestamp_low_us
+        assert oracle.rate[number] == one.rate
+        assert oracle.agc[number] == one.agc
+        np.testing.assert_array_equal(oracle.csi[number], one.csi)

@@ -7,10 +7,9 @@ import struct
 import numpy as np
 import pytest
 
-from csi_bridge.encoder import encode_body, encode_file_record
-from csi_bridge.parser import CsiLogParser, parse_body
+from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord
-from tests.csi_records import MAC, record
+from tests.csi_records import MAC
 from tests.unit.csi_bridge.bodies import read_bits, stock_body
 
 
@@ -75,55 +74,3 @@ def test_bodies_of_wrong_size_are_refused(size: int) -> None:
 def test_other_codes() -> None:
     assert parse_body(MPDU_CODE, b"frame") == MpduRecord(b"frame")
     assert parse_body(0x42, b"whatever") is None
-
-
-def test_log_in_pieces_with_errors_in_between() -> None:
-    good = encode_body(record())
-    broken = encode_file_record(CSI_CODE, good[:-1])
-    log = [
-        encode_file_record(MPDU_CODE, b"abc"),
-        encode_file_record(CSI_CODE, good),
-        broken,
-        b"\x00\x00",
-        encode_file_record(0x42, b"skipped"),
-        encode_file_record(CSI_CODE, good),
-        encode_file_record(CSI_CODE, good)[:50],
-    ]
-    starts = np.cumsum([0, *map(len, log)]).tolist()
-    parser, records, errors = CsiLogParser(), [], []
-    for byte in b"".join(log):
-        parser.feed(bytes([byte]))
-        try:
-            while (item := parser.next_record()) is not None:
-                records.append(item)
-        except CsiError as error:
-            errors.append(error.offset)
-    assert [offset for offset, _ in records] == [starts[0], starts[1], starts[5]]
-    assert errors == [starts[2]]
-    # Behind a length that cannot be nothing is believed until the next sound CSI record.
-    assert (parser.unknown_count, parser.pending_bytes) == (0, 50)
-    assert parser.skipped_bytes == starts[5] - starts[2]
-
-
-def test_a_wrong_length_costs_one_record_in_pieces_of_any_size() -> None:
-    good = encode_file_record(CSI_CODE, encode_body(record()))
-    for wrong in (b"\x00\x00", b"\x00\x40", b"\x01\xff", b"\x1f\xff", b"\xff\xff"):
-        log = good * 3 + wrong + good[2:] + good * 60
-        offsets = set()
-        for size in (1, 7, 100, len(log)):
-            parser, found, errors = CsiLogParser(), [], 0
-            for at in range(0, len(log), size):
-                parser.feed(log[at : at + size])
-                while True:
-                    try:
-                        item = parser.next_record()
-                    except CsiError:
-                        errors += 1
-                        continue
-                    if item is None:
-                        break
-                    found.append(item[0])
-            assert errors == 1
-            offsets.add(tuple(found))
-        assert len(offsets) == 1
-        assert len(found) == 3 + 60

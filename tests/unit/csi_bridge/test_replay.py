@@ -28,7 +28,7 @@ def due_s(run: RunFolder, data: bytes) -> np.ndarray:
 def test_a_tape_is_spaced_as_it_was_recorded(run: RunFolder) -> None:
     tape = read_tape(run.rx)
     np.testing.assert_allclose(tape.due_s, np.arange(500) * STEP_S, atol=1e-5)
-    assert tape.is_wall_time and tape.duration_s == pytest.approx(3.8, abs=1e-4)
+    assert tape.t_s[0] > 1e9 and tape.duration_s == pytest.approx(3.8, abs=1e-4)
     assert tape.records[3:5][1] == tape.records[4]
 
 
@@ -96,7 +96,7 @@ def feit_log(*, host_step_us: int | None) -> bytes:
 def test_reports_of_an_ax_card_are_due_by_its_clock(host_step_us: int | None, tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(feit_log(host_step_us=host_step_us))
     tape = read_tape(tmp_path / "log")
-    assert tape.is_feitcsi and tape.is_wall_time == (host_step_us is not None)
+    assert tape.is_feitcsi and bool(tape.t_s[0] > 1e9) == (host_step_us is not None)
     np.testing.assert_allclose(tape.due_s, np.arange(20) * FEIT_STEP_US * 1e-6, atol=FEIT_STEP_US * 1e-6 + 1e-6)
     assert np.all(np.diff(tape.t_s) >= 0)
 

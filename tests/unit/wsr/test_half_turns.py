@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from csi_bridge.feitcsi.channel import thinned
@@ -17,11 +18,31 @@ from wsr.aperture import Aperture, make_aperture
 from wsr.channel import centre_channel
 from wsr.estimators import ESTIMATORS
 from wsr.geometry import angles, direction, great_circle
-from wsr.half_turns import relative_signs, without_half_turns
+from wsr.half_turns import without_half_turns
 from wsr.ofdm import grid
 
 HZ_80: Array = np.concatenate([np.arange(-62, 0), np.arange(1, 63)]) * 625e3
 SOURCE = np.array([[11.0, 3.0, 2.5]])
+MEMORY = 0.8
+"""Of the relative phase of two chains: a few packets, as long as a robot keeps its place to a small part of a wave."""
+
+
+def relative_signs(csi: npt.NDArray[np.complexfloating]) -> npt.NDArray[np.int8]:
+    """Signs (M, R) by which to multiply the chains of CSI (M, S, R), in the order of time, so that their phases against
+    the strongest one go on evenly. That one's own sign is 1 in every packet; a chain without signal keeps 1."""
+    # Their relative phase changes only as the antennas move.
+    values = np.asarray(csi, np.complex128)
+    strongest = int(np.argmax(np.square(np.abs(values)).sum(axis=(0, 1)))) if len(values) else 0
+    between = np.einsum("msr,ms->mr", values, values[:, :, strongest].conj())
+    unit = between / np.maximum(np.abs(between), np.finfo(np.float64).tiny)
+    signs = np.ones(unit.shape, np.int8)
+    for chain in range(unit.shape[1]):
+        usual = 0j
+        for packet, now in enumerate(unit[:, chain].tolist()):
+            flipped = (now * usual.conjugate()).real < 0
+            signs[packet, chain] = -1 if flipped else 1
+            usual = MEMORY * usual + (-now if flipped else now)
+    return signs
 
 
 @needs_captures

@@ -13,12 +13,11 @@ from click.testing import CliRunner, Result
 
 from companion.cli import program
 from companion.errors import CompanionError
-from csi_bridge.encoder import encode_log
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.log import write_log
 from csi_bridge.feitcsi.rate import Format
 from tests import csi_records, feit_records
-from tests.csi_records import needs_data
+from tests.csi_records import log_of, needs_data
 from tests.feit_records import CAPTURES, needs_captures
 from tests.paths import DATA
 
@@ -81,7 +80,7 @@ def test_damage_and_mixed_formats_are_counted(tmp_path: Path) -> None:
 
 def test_pictures_are_drawn_for_both_cards(tmp_path: Path) -> None:
     write_log(tmp_path / "ax.csi", [feit_records.record(stamp_us=1000 * number) for number in range(3)])
-    (tmp_path / "old.dat").write_bytes(encode_log([csi_records.record(seed=number) for number in range(3)]))
+    (tmp_path / "old.dat").write_bytes(log_of([csi_records.record(seed=number) for number in range(3)]))
     result = companion_csi(tmp_path / "ax.csi", tmp_path / "old.dat", "--out", tmp_path / "pictures")
     assert result.exit_code == 0, result.output
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["ax.csi.png", "old.dat.png"]
@@ -90,7 +89,7 @@ def test_pictures_are_drawn_for_both_cards(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        (gzip.compress(encode_log([csi_records.record()])), "gzip: unpack it first"),
+        (gzip.compress(log_of([csi_records.record()])), "gzip: unpack it first"),
         (b"\xd4\xc3\xb2\xa1" + bytes(36) + b"\x15\x7c" + b"\x11\x11" + bytes(60), "nexmon CSI"),
         (b"CSI_DATA,0,a8:03:2a:b6:f4:54,-53,11,1,0\n", "ESP32 CSI"),
         (b"\x00\x02\x00\x00\x15\x03\x15\x20" + bytes(200), "PicoScenes"),
@@ -100,7 +99,7 @@ def test_pictures_are_drawn_for_both_cards(tmp_path: Path) -> None:
 )
 def test_files_of_other_tools_are_named_and_the_rest_is_read(tmp_path: Path, content: bytes, named: str) -> None:
     (tmp_path / "other").write_bytes(content)
-    (tmp_path / "good.dat").write_bytes(encode_log([csi_records.record()] * 2))
+    (tmp_path / "good.dat").write_bytes(log_of([csi_records.record()] * 2))
     result = companion_csi(tmp_path / "other", tmp_path / "good.dat")
     assert isinstance(result.exception, CompanionError)
     assert "1 of 2 files could not be read" in str(result.exception)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -77,13 +79,26 @@ def test_nothing_to_evaluate_is_an_error(tmp_path: Path) -> None:
     assert "no recorded run" in str(done.exception)
 
 
-def test_line_of_sight_with_motion_capture_stays_under_two_degrees(tmp_path: Path) -> None:
-    if not DATA.is_dir():
-        pytest.skip(f"no real captures at {DATA}")
-    for name in ("LOS_Set_A", "LOS_Set_B"):
-        done = evaluate(DATA / name, "--json", tmp_path / "r.json")
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, Any]]:
+    """What `evaluate` says of the recorded runs by one source of poses; computed once."""
+    folder = tmp_path_factory.mktemp("recorded")
+
+    @cache
+    def result(poses: str) -> dict[str, Any]:
+        if not DATA.is_dir():
+            pytest.skip(f"no real captures at {DATA}")
+        done = evaluate(DATA, "--poses", poses, "--json", folder / f"{poses}.json")
         assert done.exit_code == 0, done.output
-        figures = json.loads((tmp_path / "r.json").read_text())["sets"][name]
+        content: dict[str, Any] = json.loads((folder / f"{poses}.json").read_text())
+        return content
+
+    return result
+
+
+def test_line_of_sight_with_motion_capture_stays_under_two_degrees(recorded: Callable[[str], dict[str, Any]]) -> None:
+    for name in ("LOS_Set_A", "LOS_Set_B"):
+        figures = recorded("mocap")["sets"][name]
         print(name, figures)
         assert figures["n"] == 18
         assert figures["median_deg"] < 2.0
@@ -100,12 +115,10 @@ def test_a_ranking_is_shown_with_its_interval_from_fifty_links_on(count: int, ra
 
 
 @pytest.mark.parametrize("poses", ["mocap", "t265"])
-def test_reliability_is_calibrated_and_better_than_the_profile_variance(tmp_path: Path, poses: str) -> None:
-    if not DATA.is_dir():
-        pytest.skip(f"no real captures at {DATA}")
-    done = evaluate(DATA, "--poses", poses, "--json", tmp_path / "r.json")
-    assert done.exit_code == 0, done.output
-    result = json.loads((tmp_path / "r.json").read_text())
+def test_reliability_is_calibrated_and_better_than_the_profile_variance(
+    recorded: Callable[[str], dict[str, Any]], poses: str
+) -> None:
+    result = recorded(poses)
     worth, everything = result["trust"], result["sets"][ALL]
     print(worth)
     assert worth["reliable"] >= 10

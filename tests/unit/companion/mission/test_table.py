@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 from companion.core.inputs import Event
-from companion.mission.table import STREAM_STATES, TABLE, Action, State, step, worst
+from companion.mission.table import TABLE, Action, State, step, worst
+
+STREAM_STATES = {State.TAKING_OFF, State.ACQUIRING, State.APPROACHING, State.HOLDING}
+"""States in which set points may go out (in TAKING_OFF only after STREAM_START)."""
 
 _PAIRS = [(state, event) for state in State for event in Event]
 _STREAMING = (State.ACQUIRING, State.APPROACHING, State.HOLDING)

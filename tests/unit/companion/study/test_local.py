@@ -19,7 +19,7 @@ from tests.unit.companion.study.trial_cases import SEED as CASES_SEED
 
 
 def test_processes_give_what_this_one_gives() -> None:
-    one = study("packets")
+    one = study("crb")
     specs = one.plan(Settings(1, DATA))
     assert ProcessRunner(1).run(one.trial, specs, SEED, lambda done: None) == rows_of(one, specs)
 

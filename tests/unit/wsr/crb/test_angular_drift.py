@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.unit.wsr.scene import WAVELENGTH_M
-from wsr.crb.angular_drift import least_amplitude, with_angular_drift
+from wsr.crb.angular_drift import with_angular_drift
 from wsr.geometry import direction, great_circle
 from wsr.peaks import find_peaks, refine_peak
 from wsr.profile import bartlett_profile
@@ -18,6 +18,19 @@ Array = NDArray[np.float64]
 OFFSET = math.radians(8)
 AZIMUTH, POLAR = 0.7, 1.2
 S = np.linspace(0.5, 2.6, 600)
+
+
+def least_amplitude(
+    radius_m: float, wavelength_m: float, azimuth_deviation_rad: float, polar_deviation_rad: float
+) -> float:
+    """What |sum| / M keeps at least when azimuth and polar angle deviate by up to +-delta and +-mu about their means.
+
+    cos(4 pi rho (delta + mu) / lambda), zero from a quarter turn on, for positions up to `radius_m` from the origin
+    and the round-trip product. The profile, a power, keeps the square. The paper prints cos((delta + mu) / 2): the
+    scale 4 pi rho / lambda is lost, and half of the deviations would be right only if they were from peak to peak.
+    """
+    turn = 4 * math.pi * radius_m / wavelength_m * (abs(azimuth_deviation_rad) + abs(polar_deviation_rad))
+    return math.cos(turn) if turn < math.pi / 2 else 0.0
 
 
 def _peak(true_m: Array, estimated_m: Array, azimuth: float, polar: float) -> tuple[Array, float]:

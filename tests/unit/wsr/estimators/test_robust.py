@@ -13,7 +13,7 @@ from tests.unit.wsr.scene import WAVELENGTH_M, Array, circle, exchange, round_tr
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
 from wsr.errors import ApertureError
-from wsr.estimators import ESTIMATORS, estimate_aoa
+from wsr.estimators import ESTIMATORS
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle, wrap_angle
@@ -159,27 +159,27 @@ def test_less_data_is_enough() -> None:
 
 
 def test_noise_alone_is_not_reliable() -> None:
-    t, p = weave()
+    t, p = weave(200)
     rng = np.random.default_rng(4)
-    wild = (rng.normal(size=(2, 600, 30)) + 1j * rng.normal(size=(2, 600, 30))).astype(np.complex64)
+    wild = (rng.normal(size=(2, 200, 30)) + 1j * rng.normal(size=(2, 200, 30))).astype(np.complex64)
     aperture = make_aperture(t, p, (wild[0] * wild[1]).mean(1), WAVELENGTH_M, forward=wild[0], reverse=wild[1])
     estimate, _ = Robust(RobustOptions(reciprocity=False)).estimate(aperture)
     assert estimate.reliability < 0.2
 
 
-def test_errors_stay_within_three_deviations() -> None:
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 5))])
+def test_errors_stay_within_three_deviations(seed: int) -> None:
     t, p = weave(400)
     source = (p.mean(axis=0) + 6.0 * U)[None, :]
-    for seed in range(5):
-        estimate, _ = Robust().estimate(_aperture(t, p, source, noise=0.5, seed=seed))
-        azimuth, polar = angles(source[0] - np.array(estimate.reference_p_m))
-        assert abs(estimate.azimuth_rad - azimuth) < 3 * estimate.azimuth_std_rad
-        assert abs(estimate.polar_rad - polar) < 3 * estimate.polar_std_rad
+    estimate, _ = Robust().estimate(_aperture(t, p, source, noise=0.5, seed=seed))
+    azimuth, polar = angles(source[0] - np.array(estimate.reference_p_m))
+    assert abs(estimate.azimuth_rad - azimuth) < 3 * estimate.azimuth_std_rad
+    assert abs(estimate.polar_rad - polar) < 3 * estimate.polar_std_rad
 
 
 def test_estimate_goes_over_the_wire() -> None:
     t, p = weave(300)
-    estimate, _ = estimate_aoa(_aperture(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
+    estimate, _ = Robust().estimate(_aperture(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(estimate), type=AoaEstimate) == estimate
 
 

@@ -1,0 +1,65 @@
+"""Datagrams that wait in a socket, as records: the same for every source."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from csi_bridge.records import CsiError
+from csi_bridge.source import SourceCounters
+
+_DATAGRAM_BYTES: Final = 1 << 16
+Decode = Callable[[bytes, Any], tuple[int, bytes] | None]
+"""(code, body) of a datagram of this sender; None where the sender is not to be believed. Raises CsiError."""
+
+
+class Draining:
+    """A CsiSource: reads a socket that does not block, and counts."""
+
+    def __init__(self, opened: socket.socket, decode: Decode) -> None:
+        self._socket = opened
+        self._decode = decode
+        self._counters = SourceCounters()
+
+    @property
+    def counters(self) -> SourceCounters:
+        return self._counters
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        """See CsiSource. ENOBUFS means records were lost and the socket is fine: counted, reading goes on."""
+        records: list[tuple[int, bytes]] = []
+        for _ in range(limit):
+            try:
+                datagram, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                if error.errno != errno.ENOBUFS:
+                    raise
+                self._counters = replace(self._counters, overruns=self._counters.overruns + 1)
+                continue
+            record = self._counted(datagram, sender)
+            if record is not None:
+                records.append(record)
+        return records
+
+    def _counted(self, datagram: bytes, sender: Any) -> tuple[int, bytes] | None:
+        counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
+        record = None
+        try:
+            record = self._decode(datagram, sender)
+            if record is None:
+                counters = replace(counters, refused_sender=counters.refused_sender + 1)
+        except CsiError:
+            counters = replace(counters, malformed=counters.malformed + 1)
+        self._counters = counters
+        return record
