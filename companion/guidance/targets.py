@@ -30,6 +30,8 @@ class Targets:
         self._arrival_confidence = arrival_confidence
         self._near = 0.0
         """Apertures' worth of new packets for which the target has seemed near."""
+        self._nearer_m: Vector3 | None = None
+        """Another source that the target must be, if it is there: what is likeliest is then an image of it."""
         self._neighbours = neighbours
         self._target = target
         self._trackers: dict[int, TargetTracker] = {}
@@ -37,7 +39,7 @@ class Targets:
 
     def forget(self) -> None:
         self._trackers.clear()
-        self._near = 0.0
+        self._near, self._nearer_m = 0.0, None
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -51,8 +53,10 @@ class Targets:
         tracker = self._trackers.setdefault(peer, TargetTracker())
         found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
+            self._nearer_m = tracker.nearer_source()
             near = tracker.within(bearing.p_local_enu_m, bearing.target_p_enu_m, self._arrival_range_m)
-            self._near = self._near + bearing.fresh if near >= self._arrival_confidence else 0.0
+            is_near = near >= self._arrival_confidence and self._nearer_m is None
+            self._near = self._near + bearing.fresh if is_near else 0.0
         return found
 
     @property
@@ -65,6 +69,8 @@ class Targets:
         place = self._place(self._target) if target is not None else None
         if target is None or place is None:
             return None
+        if self._nearer_m is not None:  # it is looked at again from near
+            place = _sum(place, _minus(self._nearer_m, target.origin_local_enu_m))
         east, north = place[0] - p_local_enu_m[0], place[1] - p_local_enu_m[1]
         return Aim(
             math.atan2(north, east),
@@ -98,3 +104,11 @@ class Targets:
         if newest is None or newest[0] != found.boot:
             return None
         return found.place(newest[1])
+
+
+def _sum(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _minus(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

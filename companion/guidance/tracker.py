@@ -43,6 +43,12 @@ _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
 _SAMPLED: Final = 400
+_WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
+"""A source was seen at a place by a range up to the one, known to the other,"""
+_WITNESS_SPREAD_M, _WITNESS_APART_M = 1.0, 2.0
+"""with others within the one; it is another than the target's from the other on."""
+_WITNESSED: Final = 0.5
+"""Apertures' worth of packets that make such a place count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +93,41 @@ class TargetReport:
     """Where the target was when the bearing was taken."""
 
 
+class _Witnesses:
+    """Places where a range showed a source, whatever became of it. Of a robot and its mirror images behind walls the
+    robot is the nearest to every place the vehicle can have been at, the flight's beginning among them."""
+
+    def __init__(self, began_m: _Floats) -> None:
+        self._began_m = began_m
+        self._origins_m: list[_Floats] = []
+        self._weights: list[float] = []
+
+    def add(self, bearing: Bearing) -> None:
+        if bearing.range_m is None or bearing.range_m > _WITNESS_M or bearing.range_std_m > _WITNESS_STD_M:
+            return
+        sine = math.sin(bearing.polar_rad)
+        unit = (sine * math.cos(bearing.azimuth_rad), sine * math.sin(bearing.azimuth_rad), math.cos(bearing.polar_rad))
+        self._origins_m.append(_place(bearing) + bearing.range_m * np.array(unit))
+        self._weights.append(bearing.fresh)
+
+    def nearer(self, origin_m: _Floats) -> Vector3 | None:
+        """A place that is not `origin_m`, was seen for half an aperture at least, and is nearer to the beginning."""
+        if not self._origins_m:
+            return None
+        seen_m, weight = np.array(self._origins_m), np.array(self._weights)
+        flat_m = seen_m[:, :2]
+        others = np.linalg.norm(flat_m - origin_m[:2], axis=1) > _WITNESS_APART_M
+        begun_m = np.linalg.norm(flat_m - self._began_m[:2], axis=1)
+        others &= begun_m < np.linalg.norm(origin_m[:2] - self._began_m[:2])
+        together = (np.linalg.norm(flat_m[:, None] - flat_m, axis=2) < _WITNESS_SPREAD_M) & others
+        support = np.where(others, together @ weight, 0.0)
+        best = int(np.argmax(support))
+        if support[best] < _WITNESSED:
+            return None
+        chosen = together[best]
+        return _vector(weight[chosen] @ seen_m[chosen] / weight[chosen].sum())
+
+
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
@@ -97,11 +138,13 @@ class TargetTracker:
         self._elevation_rad = np.zeros(0)
         self._log_weight = np.zeros(0)
         self._newest: Bearing | None = None
+        self._witnesses: _Witnesses | None = None
 
     def add(self, bearing: Bearing, ground_m: float = -math.inf) -> Target:
         """Takes the newest bearing; the ground is at `ground_m` (Up) of the local frame. One of another boot of the
         target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
+            self._witnesses = _Witnesses(_place(bearing))
             self._origins_m = self._drawn(bearing, _PARTICLES)
             self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
             self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
@@ -112,6 +155,8 @@ class TargetTracker:
             self._weigh(bearing, ground_m)
             self._bear(bearing)
         self._newest = bearing
+        assert self._witnesses is not None
+        self._witnesses.add(bearing)
         self._resample()
         return self.target()
 
@@ -121,6 +166,12 @@ class TargetTracker:
         if self._newest is not None:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
+
+    def nearer_source(self) -> Vector3 | None:
+        """Another source than the likeliest, as the origin of the target's frame, that was seen nearer to where the
+        flight began: then what is likeliest is a mirror image."""
+        assert self._witnesses is not None
+        return self._witnesses.nearer(np.array(self.target().origin_local_enu_m))
 
     def within(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3, range_m: float) -> float:
         """Probability that the target, whose own poses say `target_p_enu_m`, is within a range of a place."""
