@@ -48,7 +48,9 @@ _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 _WITNESS_SPREAD_M, _WITNESS_APART_M = 1.0, 2.0
 """with others within the one; it is another than the target's from the other on."""
 _WITNESSED: Final = 0.5
-"""Apertures' worth of packets that make such a place count."""
+"""Apertures' worth of packets that make such a place count,"""
+_WITNESS_SIDES: Final = math.cos(math.radians(25.0))
+"""seen in directions that differ: their mean is no longer than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,18 +102,22 @@ class _Witnesses:
     def __init__(self, began_m: _Floats) -> None:
         self._began_m = began_m
         self._origins_m: list[_Floats] = []
+        self._units: list[_Floats] = []
         self._weights: list[float] = []
 
     def add(self, bearing: Bearing) -> None:
         if bearing.range_m is None or bearing.range_m > _WITNESS_M or bearing.range_std_m > _WITNESS_STD_M:
             return
         sine = math.sin(bearing.polar_rad)
-        unit = (sine * math.cos(bearing.azimuth_rad), sine * math.sin(bearing.azimuth_rad), math.cos(bearing.polar_rad))
-        self._origins_m.append(_place(bearing) + bearing.range_m * np.array(unit))
+        across = sine * math.cos(bearing.azimuth_rad), sine * math.sin(bearing.azimuth_rad)
+        unit = np.array([*across, math.cos(bearing.polar_rad)])
+        self._origins_m.append(_place(bearing) + bearing.range_m * unit)
+        self._units.append(unit)
         self._weights.append(bearing.fresh)
 
     def nearer(self, origin_m: _Floats) -> Vector3 | None:
-        """A place that is not `origin_m`, was seen for half an aperture at least, and is nearer to the beginning."""
+        """A place that is not `origin_m`, was seen long enough and from several sides, and is nearer to the beginning.
+        A range that drifting poses feign lies ahead of the vehicle, on one side, wherever it is."""
         if not self._origins_m:
             return None
         seen_m, weight = np.array(self._origins_m), np.array(self._weights)
@@ -120,7 +126,9 @@ class _Witnesses:
         begun_m = np.linalg.norm(flat_m - self._began_m[:2], axis=1)
         others &= begun_m < np.linalg.norm(origin_m[:2] - self._began_m[:2])
         together = (np.linalg.norm(flat_m[:, None] - flat_m, axis=2) < _WITNESS_SPREAD_M) & others
-        support = np.where(others, together @ weight, 0.0)
+        support = together @ weight
+        sides = np.linalg.norm((together * weight) @ np.array(self._units), axis=1)
+        support = np.where(others & (sides < _WITNESS_SIDES * support), support, 0.0)
         best = int(np.argmax(support))
         if support[best] < _WITNESSED:
             return None

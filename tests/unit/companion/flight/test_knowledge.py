@@ -13,6 +13,7 @@ from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
+from companion.flight.local_frame import LocalFrame
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.sensing.records import Iteration
@@ -46,9 +47,10 @@ class _Known:
             self.kept,
             neighbours,
             _TARGET,
-            self.sar,
+            self.sar,  # type: ignore[arg-type]
             self.course,
-            MissionConfig(),  # type: ignore[arg-type]
+            MissionConfig(),
+            LocalFrame(),
         )
         neighbours[_TARGET].heard_ns = _NOW_NS
         for event in (Event.ENGAGE, Event.PREFLIGHT_PASSED, Event.AIRBORNE, Event.OFFBOARD_CONFIRMED):
@@ -87,7 +89,8 @@ def _iteration(peer: int = _TARGET, reliability: float | None = 0.9, **changes: 
         )
     )
     values: dict[str, Any] = {
-        "number": 1, "peer": peer, "start_ns": 0, "end_ns": 1, "fresh": 1.0, "power_dbm": -60.0, "reference_ns": 1, "p_local_enu_m": origin,
+        "number": 1, "peer": peer, "start_ns": 0, "end_ns": 1, "fresh": 1.0, "power_dbm": -60.0,
+        "reference_ns": 1, "p_local_enu_m": origin,
         "peer_p_enu_m": origin, "peer_boot": 1, "received": 100, "dropped": {}, "compute_s": 0.1,
         "estimate": estimate, "refusal": "" if estimate else "too few packets",
     }  # fmt: skip

@@ -44,13 +44,12 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
     targets = Targets({2: beacon}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
     assert targets.places() == () and not targets.is_near((0.0, 0.0, 1.5))
     for turn in range(8):  # around it
-        targets.add(2, _bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)))
+        targets.add(2, _bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), 0.0)
     (place,) = targets.places()
     assert place == pytest.approx((4.0, 0.0, 0.5), abs=0.6)
     beacon.moved_m = (1.0, 0.0, 0.0)
     assert targets.places()[0] == pytest.approx((5.0, 0.0, 0.5), abs=0.6)
     assert targets.is_near((4.9, 0.0, 0.6)) and not targets.is_near((0.0, 0.0, 1.5))
-    assert targets.is_nearest((0.0, 0.0, 0.0))
     beacon.boot = 10  # it was started again: its frame is another one
     assert targets.places() == ()
     targets.forget()
@@ -60,7 +59,7 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
 def test_one_bearing_tells_a_direction_and_no_place() -> None:
     targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
     assert targets.aim((0.0, 0.0, 1.5)) is None
-    targets.add(2, _bearing((0.0, 0.0, 1.5), (4.0, 0.0, 0.5)))
+    targets.add(2, _bearing((0.0, 0.0, 1.5), (4.0, 0.0, 0.5)), 0.0)
     aim = targets.aim((0.0, 0.0, 1.5))
     assert aim is not None and aim.azimuth_rad == pytest.approx(0.0, abs=0.2)
     assert targets.places() == () and targets.target is not None
@@ -70,8 +69,8 @@ def test_near_is_what_new_packets_have_confirmed() -> None:
     """A whole aperture of them; until then, and as soon as one does not, nothing has arrived."""
     targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
     for turn in range(6):
-        targets.add(2, replace(_bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), fresh=1.0))
+        targets.add(2, replace(_bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), fresh=1.0), 0.0)
     assert targets.is_near((4.9, 0.0, 1.0))
-    targets.add(2, replace(_bearing((9.0, 0.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2))
-    targets.add(2, replace(_bearing((4.0, 1.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2))
+    targets.add(2, replace(_bearing((9.0, 0.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
+    targets.add(2, replace(_bearing((4.0, 1.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
     assert not targets.is_near((4.9, 0.0, 1.0))
