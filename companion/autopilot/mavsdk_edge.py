@@ -24,7 +24,7 @@ from companion.autopilot.reconnect import Backoff
 from companion.autopilot.telemetry import Telemetry, parameter_field
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
-from wsr.frames import ned_from_enu, yaw_ned_from_enu
+from wsr.frames import ned_of_enu, yaw_ned_from_enu
 
 _LOG = logging.getLogger(__name__)
 
@@ -144,8 +144,8 @@ class MavsdkAutopilot:
         ignored = _IGNORE_ACCELERATION_AND_YAW_RATE
         ignored |= _IGNORE_POSITION if setpoint.p_local_enu_m is None else 0
         ignored |= _IGNORE_YAW if setpoint.yaw_enu_rad is None else 0
-        x, y, z = ned_from_enu(setpoint.p_local_enu_m or (0.0, 0.0, 0.0)).tolist()
-        vx, vy, vz = ned_from_enu(setpoint.v_local_enu_m_s).tolist()
+        x, y, z = ned_of_enu(*(setpoint.p_local_enu_m or (0.0, 0.0, 0.0)))
+        vx, vy, vz = ned_of_enu(*setpoint.v_local_enu_m_s)
         self._link.send_addressed(
             "SET_POSITION_TARGET_LOCAL_NED",
             time_boot_ms=setpoint.t_mono_ns // 1_000_000 & 0xFFFFFFFF,
@@ -359,7 +359,7 @@ class MavsdkAutopilot:
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
 
     def _heartbeat_age_s(self) -> float:
-        return (self._clock.now_ns() - (self.state().heartbeat_mono_ns or 0)) / NS_PER_S
+        return (self._clock.now_ns() - (self._telemetry.heartbeat_mono_ns or 0)) / NS_PER_S
 
     async def _sleep(self, seconds: float) -> None:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))
