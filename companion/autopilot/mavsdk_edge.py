@@ -347,19 +347,19 @@ class MavsdkAutopilot:
 
     def _ask_again(self) -> None:
         """A late heartbeat, and all that a restarted vehicle has forgotten or that was lost on the way."""
-        state, now_ns = self.state(), self._clock.now_ns()
+        now_ns, boots = self._clock.now_ns(), self._telemetry.told("boots") or 0
         if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
             self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
         unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(_INTERVALS_US)
         due = now_ns - self._asked_ns > _STATUS_S * NS_PER_S
-        if state.boots != self._asked_boots or (due and unanswered):
+        if boots != self._asked_boots or (due and unanswered):
             self._ask_for_telemetry()
-        elif due and not state.firmware:
+        elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
 
     def _heartbeat_age_s(self) -> float:
-        return (self._clock.now_ns() - (self._telemetry.heartbeat_mono_ns or 0)) / NS_PER_S
+        return (self._clock.now_ns() - (self._telemetry.told("heartbeat_mono_ns") or 0)) / NS_PER_S
 
     async def _sleep(self, seconds: float) -> None:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))

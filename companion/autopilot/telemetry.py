@@ -138,11 +138,10 @@ class Telemetry:
         with self._lock:
             self._known["system_id"] = system_id
 
-    @property
-    def heartbeat_mono_ns(self) -> int | None:
-        """When the newest HEARTBEAT arrived; None before the first."""
+    def told(self, field: str) -> Any:
+        """One field of `VehicleState`, as last told; None before."""
         with self._lock:
-            return self._known.get("heartbeat_mono_ns")
+            return self._known.get(field)
 
     def vehicle_ns(self, t_mono_ns: int) -> int | None:
         """The vehicle's own time at one of ours; None while it is not known."""

@@ -129,6 +129,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
 
 STREAM_STATES: Final = frozenset({State.TAKING_OFF, *_STREAMING})
 """States in which set points may go out (in TAKING_OFF only after STREAM_START)."""
+_SEVERITY: Final = tuple(Event)
 
 
 def step(state: State, event: Event) -> Step:
@@ -142,5 +143,4 @@ def worst(state: State, events: Iterable[Event]) -> Event | None:
     The others are dropped: a condition that lasts is raised again next tick, and a wish (`engage`) made while
     something went wrong must be made again, knowingly.
     """
-    heard = set(events)
-    return next((event for event in Event if event in heard and (state, event) in TABLE), None)
+    return min((event for event in events if (state, event) in TABLE), key=_SEVERITY.index, default=None)

@@ -6,15 +6,18 @@ import asyncio
 import logging
 import math
 import random
-from typing import Any, cast
+from typing import Any, Final, cast
+from unittest import mock
 
 import numpy as np
 
-from companion.core.clock import NS_PER_S
+from companion.autopilot import mavsdk_edge, onboard_status
+from companion.autopilot.snapshot import SnapshotAutopilot
+from companion.core.clock import NS_PER_S, HostSleep
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings, Wish
 from companion.core.messages import Pose, VehicleState
-from companion.core.streams import Stream
+from companion.core.streams import MISSION, TICK, VEHICLE, WISH, Stream
 from companion.flight.loop import Flight
 from companion.flight.records import MissionStep
 from companion.mission.table import State
@@ -38,15 +41,18 @@ from tests.faults.missions.trace import (
     Ticked,
     Trace,
 )
-from tests.faults.missions.vehicle import STEP_NS, Vehicle, VehicleLink, edge_on, setpoint
+from tests.faults.missions.vehicle import Vehicle, VehicleLink, edge_on, setpoint
 
 _BATTERIES: dict[str, dict[int, float | None]] = {
     "low": {0: 0.1}, "second low": {0: 0.9, 1: 0.05}, "unknown": {0: None}, "second unknown": {0: 0.9, 1: None},
     "silent": {},
 }  # fmt: skip
+_POLL_S: Final = 0.05
+"""How often the edge looks whether what it asked for has come, instead of each 10 ms."""
 _NO_CSI = np.zeros((30, 3), np.complex64)
-_ASKS_AFTER_S = 4.0
-_QUIET_S = 6.0
+_AT_REST = frozenset({State.IDLE, State.LATCHED, State.FAULT})
+_ASKS_AFTER_S = (1.0, 2.0, 4.0)
+_QUIET_S = 4.0
 """A mission is flown on for so long after the last that was to happen."""
 
 
@@ -55,11 +61,13 @@ def fly(scenario: Scenario) -> Trace:
     logging.getLogger("companion").setLevel(logging.CRITICAL + 1)
     clock = MissionClock()
     loop = MissionLoop(clock)
+    seldom = mock.patch.object(mavsdk_edge, "_POLL_S", _POLL_S)
+    unread = mock.patch.object(onboard_status, "fields", dict)
     try:
-        loop.connect(lambda to_ns: setattr(clock, "t_ns", to_ns))
-        world = World(scenario, clock, loop)
-        loop.connect(world.advance)
-        loop.run_until_complete(world.run())
+        with seldom, unread:
+            world = World(scenario, clock, loop)
+            loop.connect(world.advance)
+            loop.run_until_complete(world.run())
         return world.trace
     finally:
         loop.close()
@@ -85,6 +93,7 @@ class Service:
         self.failed = False
         self.told: VehicleState | None = None
         """At this tick."""
+        self._ticks = False
         self.target = FoundNeighbour(scenario.target_enu_m)
         self.window = DrawnWindow(clock)
         self.worker = DrawnWorker(world.rng, clock, self.window, self.target)
@@ -100,8 +109,9 @@ class Service:
         )  # fmt: skip
         self.flight = Flight(
             config=scenario.config, clock=event_clock, intake=self.intake, neighbours={BEACON_ID: self.target},
-            autopilot=self.edge, sar=self.sar, recorder=self, look=self.look,
+            autopilot=SnapshotAutopilot(self.edge, event_clock, self), sar=self.sar, recorder=self, look=self.look,
         )  # fmt: skip
+        self.flight._sleep = HostSleep(clock.now_ns, clock.boot_ns)
         self.sar.iterations.connect(self.flight.knowledge.add_iteration)
         self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run(), self.flight.run())]
         world.trace.entries.append(Served(clock.t_ns, "begins"))
@@ -126,9 +136,12 @@ class Service:
         return {}
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        if stream.topic == "/tick":
-            self.world.note_tick(self)
-        elif isinstance(message, MissionStep | Wish):
+        if stream is TICK:
+            self._ticks = True
+        elif stream is VEHICLE and self._ticks:  # the tick's own look
+            self._ticks, self.told = False, message
+            self.world.note_tick(self, message)
+        elif stream in (MISSION, WISH):
             self.world.trace.entries.append(message)
 
     def note_sent(self, name: str, fields: dict[str, Any]) -> None:
@@ -159,21 +172,25 @@ class World:
         self.vehicle = Vehicle(scenario, clock)
         self._modes_seen = len(self.vehicle.commander.history)
         self._start_ns = clock.t_ns
-        self._step_ns = clock.t_ns + self.rng.randrange(STEP_NS)
+        self._step_ns = clock.t_ns + self.rng.randrange(scenario.step_ns)
         self._faults = list(scenario.faults)
         self._lasting: list[tuple[int, Fault]] = []
         self._engaged_ns = 0
         self._asks_left = scenario.asks_again
+        self._asks_after_s = self.rng.choice(_ASKS_AFTER_S)
         self.offset_m = [0.0, 0.0, 0.0]
+        poses = 2 if scenario.step_ns < NS_PER_S // 15 else 3
+        self._poses_ago_ns = [scenario.step_ns * i // poses for i in reversed(range(poses))]
         self._pose_ns = self._packet_ns = self._datagram_ns = clock.t_ns
         self._frozen: Pose | None = None
         self._asking: list[asyncio.Task[str]] = []
         self._ending: asyncio.Task[None] | None = None
-        last_s = max(fault.at_s + min(fault.for_s, 12.0) for fault in scenario.faults) + _QUIET_S
+        last_s = max(fault.at_s + min(fault.for_s, 6.0) for fault in scenario.faults) + _QUIET_S
         self._end_ns = self._start_ns + round(min(MOST_S, last_s) * NS_PER_S)
         self.service: Service | None = None
         self._applied_to: Service | None = None
         self._switch_up = False
+        self._has_flown, self._flew_ns = False, 0
 
     async def run(self) -> None:
         self.service = Service(self)
@@ -184,17 +201,22 @@ class World:
         await asyncio.gather(*self._asking, return_exceptions=True)
 
     def _is_over(self) -> bool:
-        """Nothing is to come, and the vehicle stands on the ground or is in other hands for good."""
-        at_rest = self.service is not None and self.service.flight.state in (State.IDLE, State.LATCHED, State.FAULT)
-        return at_rest and not self._faults and self.clock.t_ns - self._engaged_ns > _QUIET_S * NS_PER_S
+        """The vehicle stands on the ground or is in other hands for good, or nobody got to fly it; nothing is to come."""
+        at_rest = self.service is not None and self.service.flight.state in _AT_REST
+        if not at_rest or not all(asking.done() for asking in self._asking):
+            return False
+        if self._asks_left or any(fault.kind in ("engage", "switch") for fault in self._faults):
+            return False
+        return not self._has_flown or self.clock.t_ns - self._flew_ns > _QUIET_S * NS_PER_S
 
     def _ask_again(self) -> None:
         now_ns, service = self.clock.t_ns, self.service
-        if service is None or self._asks_left == 0 or now_ns - self._engaged_ns < _ASKS_AFTER_S * NS_PER_S:
+        if service is None or self._asks_left == 0 or not all(asking.done() for asking in self._asking):
             return
-        if self._engaged_ns and service.flight.state in (State.IDLE, State.LATCHED):
+        rests = service.flight.state in _AT_REST and now_ns - self._flew_ns > self._asks_after_s * NS_PER_S
+        if self._engaged_ns and rests:
             self._asks_left -= 1
-            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(15.0 * NS_PER_S))
+            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(10.0 * NS_PER_S))
             self._engage(service)
 
     def _engage(self, service: Service) -> None:
@@ -206,21 +228,22 @@ class World:
             self.clock.t_ns = max(self.clock.t_ns, self._step_ns)
             pause = self._begin_faults()
             self._turn(alone=False)
-            self._step_ns += STEP_NS
+            self._step_ns += self.scenario.step_ns
             if pause is not None:
                 self._stand_still(pause)
                 to_ns = max(to_ns, self.clock.t_ns)
         self.clock.t_ns = max(self.clock.t_ns, to_ns)
 
-    def note_tick(self, service: Service) -> None:
+    def note_tick(self, service: Service, told: VehicleState) -> None:
         now_ns, commander = self.clock.t_ns, self.vehicle.commander
         ready = (
             service.sar.is_ready, not service.failed, not service.target.clock_lost, not commander.estimator.broken,
         )  # fmt: skip
-        service.told = service.edge.state()
+        if service.flight.state not in _AT_REST:
+            self._has_flown, self._flew_ns = True, now_ns
         self.trace.entries.append(
             Ticked(
-                now_ns, service.told, service.flight.state, commander.mode, commander.intention,
+                now_ns, told, service.flight.state, commander.mode, commander.intention,
                 commander.armed, (now_ns - self._pose_ns) / NS_PER_S, (now_ns - self._packet_ns) / NS_PER_S,
                 (now_ns - self._datagram_ns) / NS_PER_S, ready,
             )
@@ -251,7 +274,7 @@ class World:
         word = self._word("poses")
         if word == "silent":
             return
-        for ago_ns in (STEP_NS // 2, 0):
+        for ago_ns in self._poses_ago_ns:
             t_ns = self.clock.t_ns - ago_ns
             x, y, z = (p + o for p, o in zip(self.vehicle.airframe.p_enu_m, self.offset_m, strict=True))
             x = math.nan if word == "nan" else x
@@ -273,15 +296,16 @@ class World:
 
     def _stand_still(self, pause: Fault) -> None:
         """The event loop alone, the whole process, or (`suspend`) our clock with it."""
-        steps = round((0.1 + 4.0 * pause.size**2) * NS_PER_S / STEP_NS)
+        step_ns = self.scenario.step_ns
+        steps = round((0.1 + 4.0 * pause.size**2) * NS_PER_S / step_ns)
         telemetry = self.vehicle.telemetry
         self.vehicle.telemetry = telemetry if pause.word == "loop" else None
         for _ in range(steps):
             if pause.word == "suspend":
-                self.vehicle.suspended_ns += STEP_NS
+                self.clock.suspended_ns += step_ns
             else:
-                self.clock.t_ns += STEP_NS
-                self._step_ns = self.clock.t_ns + STEP_NS
+                self.clock.t_ns += step_ns
+                self._step_ns = self.clock.t_ns + step_ns
             self._turn(alone=True)
         self.vehicle.telemetry = telemetry
         self._disturb(0.0, "pause")
