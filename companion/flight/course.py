@@ -48,7 +48,7 @@ class Course:
         """Something has happened: it counts at the next tick, beside the conditions that hold then."""
         self._reason = reason or self._reason
         if event is Event.ABORT:
-            self.withdraw()  # an abort means nothing to a mission at rest, and must not be overtaken by what it is about
+            self.withdraw()  # at rest an abort means nothing to the table: what it is about would come after it
         if event is not None:
             self._reported.append(event)
 

@@ -15,11 +15,10 @@ from companion.autopilot import mavsdk_edge, onboard_status
 from companion.autopilot.snapshot import SnapshotAutopilot
 from companion.core.clock import NS_PER_S, HostSleep
 from companion.core.event_clock import EventClock
-from companion.core.inputs import Surroundings, Wish
+from companion.core.inputs import Surroundings
 from companion.core.messages import Pose, VehicleState
 from companion.core.streams import MISSION, TICK, VEHICLE, WISH, Stream
 from companion.flight.loop import Flight
-from companion.flight.records import MissionStep
 from companion.mission.table import State
 from companion.pose.intake import PoseIntake
 from companion.radio.card import ChannelSample
@@ -113,12 +112,12 @@ class Service:
         )  # fmt: skip
         self.flight._sleep = HostSleep(clock.now_ns, clock.boot_ns)
         self.sar.iterations.connect(self.flight.knowledge.add_iteration)
-        self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run(), self.flight.run())]
+        self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run, self.flight.run)]
         world.trace.entries.append(Served(clock.t_ns, "begins"))
 
     async def _run(self, part: Any) -> None:
         try:
-            await part
+            await part()
         except asyncio.CancelledError:
             raise
         except Exception as error:  # noqa: BLE001 - whatever the flight raises is what is looked for
@@ -190,7 +189,7 @@ class World:
         self.service: Service | None = None
         self._applied_to: Service | None = None
         self._switch_up = False
-        self._has_flown, self._flew_ns = False, 0
+        self._flew_ns = clock.t_ns
 
     async def run(self) -> None:
         self.service = Service(self)
@@ -201,13 +200,13 @@ class World:
         await asyncio.gather(*self._asking, return_exceptions=True)
 
     def _is_over(self) -> bool:
-        """The vehicle stands on the ground or is in other hands for good, or nobody got to fly it; nothing is to come."""
+        """Nobody engages any more, and for a while the vehicle has been on the ground or in other hands."""
         at_rest = self.service is not None and self.service.flight.state in _AT_REST
         if not at_rest or not all(asking.done() for asking in self._asking):
             return False
         if self._asks_left or any(fault.kind in ("engage", "switch") for fault in self._faults):
             return False
-        return not self._has_flown or self.clock.t_ns - self._flew_ns > _QUIET_S * NS_PER_S
+        return self.clock.t_ns - self._flew_ns > _QUIET_S * NS_PER_S
 
     def _ask_again(self) -> None:
         now_ns, service = self.clock.t_ns, self.service
@@ -240,7 +239,7 @@ class World:
             service.sar.is_ready, not service.failed, not service.target.clock_lost, not commander.estimator.broken,
         )  # fmt: skip
         if service.flight.state not in _AT_REST:
-            self._has_flown, self._flew_ns = True, now_ns
+            self._flew_ns = now_ns
         self.trace.entries.append(
             Ticked(
                 now_ns, told, service.flight.state, commander.mode, commander.intention,

@@ -39,15 +39,15 @@ _WORDS: Final[dict[str, tuple[str, ...]]] = {
     "poses": ("silent", "nan", "low", "failed", "frozen"), "packets": ("",), "datagrams": ("",),
     "worker": ("hangs", "gone", "lost", "refuses", "doubts", "lies"), "battery": ("low", "second low", "unknown",
     "silent", "second unknown"), "wind": ("",), "estimator": ("",), "recorder": ("",), "clock": ("",), "rc": ("",),
-    "pause": ("loop", "process", "suspend"), "reboot": ("",), "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"),
-    "sticks": ("",), "switch": ("",), "jump": ("",), "reset": ("",), "abort": ("",), "engage": ("",),
+    "pause": ("loop", "process", "suspend"), "reboot": ("",), "sticks": ("",), "switch": ("",), "jump": ("",),
+    "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"), "reset": ("",), "abort": ("",), "engage": ("",),
     "stop": ("",), "kill": ("",),
 }  # fmt: skip
 _OFTEN: Final = {"pause": 3, "pilot": 3, "mute": 3, "abort": 2, "battery": 2, "poses": 3, "engage": 2}
 _READY_S: Final = 0.9
 """Since the service began; nothing is ready any sooner."""
 _LAST_S: Final = (5.0, 8.0, 8.0, 12.0, 16.0, 24.0)
-"""When a mission's faults are over. An engagement begins after 1 to 2 s, a takeoff takes 5, a leg with its bearing 4."""
+"""When a mission's faults are over. An engagement begins after 1 to 2 s, a takeoff takes 5, a leg and its bearing 4."""
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
 
 
