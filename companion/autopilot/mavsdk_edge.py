@@ -67,6 +67,9 @@ _INTERVALS_US: Final = {
 _ODOMETRY: Final = 331
 _ODOMETRY_INTERVAL_US: Final = 20_000
 """Where it is also our source of poses."""
+_ANSWERS: Final = {_CMD_DO_SET_MODE: 2}
+"""To one request: the MAVLink module accepts a mode at once, and the commander answers when it has decided."""
+_ACCEPTED: Final = 0
 _RESULTS: Final = ("accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled")
 
 
@@ -300,9 +303,23 @@ class MavsdkAutopilot:
             answer = "nothing" if result is None else f"{_RESULTS[result] if result < len(_RESULTS) else result}"
             return f"{what}: not confirmed by telemetry; mode is {self.state().mode}, its last answer was {answer}"
 
-        await self._repeat(
-            lambda: self._send_command(command, parameters), lambda: confirmed(self.state()), timeout_s, reason
-        )
+        await self._repeat(self._asker(command, parameters), lambda: confirmed(self.state()), timeout_s, reason)
+
+    def _asker(self, command: int, parameters: tuple[float | None, ...]) -> Callable[[], None]:
+        """Sends the command, but not again once all of its answers have come and grant it: what was granted and is not
+        seen then was ended by somebody else within a moment, and must not be taken back."""
+        before, sent = self._telemetry.acknowledged[command], 0
+
+        def ask() -> None:
+            nonlocal sent
+            answers = self._telemetry.acknowledged[command] - before
+            is_answered = sent > 0 and answers >= sent * _ANSWERS.get(command, 1)
+            if is_answered and self._telemetry.acknowledgements.get(command) == _ACCEPTED:
+                return
+            sent += 1
+            self._send_command(command, parameters)
+
+        return ask
 
     async def _until(self, condition: Callable[[VehicleState], bool], timeout_s: float, what: str) -> None:
         await self._repeat(lambda: None, lambda: condition(self.state()), timeout_s, lambda: f"{what}: not seen")
