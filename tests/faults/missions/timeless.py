@@ -15,8 +15,8 @@ Advance = Callable[[int], None]
 class MissionClock:
     """A `companion.core.clock.Clock`; `asyncio.sleep` and `asyncio.timeout` of a `MissionLoop` go by it too."""
 
-    def __init__(self) -> None:
-        self.t_ns = 10 * NS_PER_S
+    def __init__(self, t_ns: int = 10 * NS_PER_S) -> None:
+        self.t_ns = t_ns
         self.suspended_ns = 0
         """How long this clock has stood still while the host was suspended."""
 
