@@ -307,16 +307,19 @@ class MavsdkAutopilot:
 
     def _asker(self, command: int, parameters: tuple[float | None, ...]) -> Callable[[], None]:
         """Sends the command, but not again once all of its answers have come and grant it: what was granted and is not
-        seen then was ended by somebody else within a moment, and must not be taken back."""
-        before, sent = self._telemetry.acknowledged[command], 0
+        seen then was ended by somebody else within a moment, and must not be taken back. Nor is a mode asked for again
+        before the vehicle has told that it still flies another: what was not heard may have been granted as well."""
+        before, sent, sent_ns = self._telemetry.acknowledged[command], 0, 0
 
         def ask() -> None:
-            nonlocal sent
+            nonlocal sent, sent_ns
             answers = self._telemetry.acknowledged[command] - before
             is_answered = sent > 0 and answers >= sent * _ANSWERS.get(command, 1)
-            if is_answered and self._telemetry.acknowledgements.get(command) == _ACCEPTED:
+            is_granted = is_answered and self._telemetry.acknowledgements.get(command) == _ACCEPTED
+            is_deaf = sent > 0 and (self._telemetry.told("mode_mono_ns") or 0) <= sent_ns
+            if is_granted or (is_deaf and command == _CMD_DO_SET_MODE):
                 return
-            sent += 1
+            sent, sent_ns = sent + 1, self._clock.now_ns()
             self._send_command(command, parameters)
 
         return ask

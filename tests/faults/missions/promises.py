@@ -258,7 +258,7 @@ def asked_for_3_s(trace: Trace) -> Found:
     for entry in trace.of(Asked):
         if entry.what != "mode":
             continue
-        again = first is not None and entry.wanted is first.wanted and entry.t_ns - last_ns < 0.7 * NS_PER_S
+        again = first is not None and entry.wanted is first.wanted and entry.t_ns - last_ns < 1.6 * NS_PER_S
         first = entry if not again or first is None else first
         last_ns = entry.t_ns
         if entry.t_ns - first.t_ns > 3.0 * NS_PER_S:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from companion.config.schema import (
@@ -48,6 +48,8 @@ _READY_S: Final = 0.9
 """Since the service began; nothing is ready any sooner."""
 _LAST_S: Final = (5.0, 8.0, 8.0, 12.0, 16.0, 24.0)
 """When a mission's faults are over. An engagement begins after 1 to 2 s, a takeoff takes 5, a leg and its bearing 4."""
+_NEAR_EVERY: Final = 4
+"""Of so many missions one is near its target, has its faults over half a minute, and may arrive."""
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
 
 
@@ -88,16 +90,27 @@ def draw(seed: int) -> Scenario:
     if has_switch:
         faults += [Fault(_READY_S + 3.0 * rng.random(), "switch", "", 0.0, 0.0)]
     bearing_rad, range_m = rng.uniform(-math.pi, math.pi), rng.uniform(2.0, 8.0)
+    config = _config(rng, has_switch)
+    is_near = seed % _NEAR_EVERY == _NEAR_EVERY - 1
+    if is_near:
+        range_m, config = rng.uniform(1.5, 3.5), _arriving(rng, config)
+        faults = [fault for fault in faults if fault.kind == "engage"] + [_fault(rng, 30.0) for _ in range(2)]
     return Scenario(
         seed=seed,
-        config=_config(rng, has_switch),
+        config=config,
         faults=tuple(sorted(faults, key=lambda fault: fault.at_s)),
-        starts_in_air=rng.random() < 0.6,
+        starts_in_air=rng.random() < 0.6 or is_near,
         target_enu_m=(range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad), rng.uniform(0.0, 1.5)),
         asks_again=rng.choice((0, 1, 2)),
         rc_loss_act=rng.choice((4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 3, 0)),
         step_ns=rng.choice((50_000_000, 100_000_000, 100_000_000)),
     )
+
+
+def _arriving(rng: random.Random, config: Config) -> Config:
+    """One that calls the target reached while it still knows little of its place: half a minute is enough."""
+    mission = replace(config.mission, arrival_range_m=rng.uniform(20.0, 40.0), speed_m_s=rng.uniform(0.3, 0.5))
+    return replace(config, mission=mission, aperture=ApertureConfig(length_m=1.0), gate=GateConfig())
 
 
 def _fault(rng: random.Random, last_s: float) -> Fault:
