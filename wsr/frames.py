@@ -33,6 +33,16 @@ def ned_from_enu(v_enu: ArrayLike) -> Array:
     return enu_from_ned(v_enu)  # the swap with the sign is its own inverse
 
 
+def enu_of_ned(north: float, east: float, down: float) -> tuple[float, float, float]:
+    """`enu_from_ned` of one vector as plain numbers: a telemetry stream's cheap way."""
+    return east, north, -down
+
+
+def ned_of_enu(east: float, north: float, up: float) -> tuple[float, float, float]:
+    """The inverse of `enu_of_ned`."""
+    return north, east, -up
+
+
 def yaw_enu_from_ned(heading_rad: float) -> float:
     """Compass heading (clockwise from North) to yaw counter-clockwise from East, in [-pi, pi)."""
     return float(wrap_angle(math.pi / 2 - heading_rad))

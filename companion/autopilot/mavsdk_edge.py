@@ -24,7 +24,7 @@ from companion.autopilot.reconnect import Backoff
 from companion.autopilot.telemetry import Telemetry, parameter_field
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
-from wsr.frames import ned_from_enu, yaw_ned_from_enu
+from wsr.frames import ned_of_enu, yaw_ned_from_enu
 
 _LOG = logging.getLogger(__name__)
 
@@ -67,6 +67,9 @@ _INTERVALS_US: Final = {
 _ODOMETRY: Final = 331
 _ODOMETRY_INTERVAL_US: Final = 20_000
 """Where it is also our source of poses."""
+_ANSWERS: Final = {_CMD_DO_SET_MODE: 2}
+"""To one request: the MAVLink module accepts a mode at once, and the commander answers when it has decided."""
+_ACCEPTED: Final = 0
 _RESULTS: Final = ("accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled")
 
 
@@ -144,8 +147,8 @@ class MavsdkAutopilot:
         ignored = _IGNORE_ACCELERATION_AND_YAW_RATE
         ignored |= _IGNORE_POSITION if setpoint.p_local_enu_m is None else 0
         ignored |= _IGNORE_YAW if setpoint.yaw_enu_rad is None else 0
-        x, y, z = ned_from_enu(setpoint.p_local_enu_m or (0.0, 0.0, 0.0)).tolist()
-        vx, vy, vz = ned_from_enu(setpoint.v_local_enu_m_s).tolist()
+        x, y, z = ned_of_enu(*(setpoint.p_local_enu_m or (0.0, 0.0, 0.0)))
+        vx, vy, vz = ned_of_enu(*setpoint.v_local_enu_m_s)
         self._link.send_addressed(
             "SET_POSITION_TARGET_LOCAL_NED",
             time_boot_ms=setpoint.t_mono_ns // 1_000_000 & 0xFFFFFFFF,
@@ -300,9 +303,26 @@ class MavsdkAutopilot:
             answer = "nothing" if result is None else f"{_RESULTS[result] if result < len(_RESULTS) else result}"
             return f"{what}: not confirmed by telemetry; mode is {self.state().mode}, its last answer was {answer}"
 
-        await self._repeat(
-            lambda: self._send_command(command, parameters), lambda: confirmed(self.state()), timeout_s, reason
-        )
+        await self._repeat(self._asker(command, parameters), lambda: confirmed(self.state()), timeout_s, reason)
+
+    def _asker(self, command: int, parameters: tuple[float | None, ...]) -> Callable[[], None]:
+        """Sends the command, but not again once all of its answers have come and grant it: what was granted and is not
+        seen then was ended by somebody else within a moment, and must not be taken back. Nor is a mode asked for again
+        before the vehicle has told that it still flies another: what was not heard may have been granted as well."""
+        before, sent, sent_ns = self._telemetry.acknowledged[command], 0, 0
+
+        def ask() -> None:
+            nonlocal sent, sent_ns
+            answers = self._telemetry.acknowledged[command] - before
+            is_answered = sent > 0 and answers >= sent * _ANSWERS.get(command, 1)
+            is_granted = is_answered and self._telemetry.acknowledgements.get(command) == _ACCEPTED
+            is_deaf = sent > 0 and (self._telemetry.told("mode_mono_ns") or 0) <= sent_ns
+            if is_granted or (is_deaf and command == _CMD_DO_SET_MODE):
+                return
+            sent, sent_ns = sent + 1, self._clock.now_ns()
+            self._send_command(command, parameters)
+
+        return ask
 
     async def _until(self, condition: Callable[[VehicleState], bool], timeout_s: float, what: str) -> None:
         await self._repeat(lambda: None, lambda: condition(self.state()), timeout_s, lambda: f"{what}: not seen")
@@ -347,19 +367,19 @@ class MavsdkAutopilot:
 
     def _ask_again(self) -> None:
         """A late heartbeat, and all that a restarted vehicle has forgotten or that was lost on the way."""
-        state, now_ns = self.state(), self._clock.now_ns()
+        now_ns, boots = self._clock.now_ns(), self._telemetry.told("boots") or 0
         if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
             self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
         unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(_INTERVALS_US)
         due = now_ns - self._asked_ns > _STATUS_S * NS_PER_S
-        if state.boots != self._asked_boots or (due and unanswered):
+        if boots != self._asked_boots or (due and unanswered):
             self._ask_for_telemetry()
-        elif due and not state.firmware:
+        elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
 
     def _heartbeat_age_s(self) -> float:
-        return (self._clock.now_ns() - (self.state().heartbeat_mono_ns or 0)) / NS_PER_S
+        return (self._clock.now_ns() - (self._telemetry.told("heartbeat_mono_ns") or 0)) / NS_PER_S
 
     async def _sleep(self, seconds: float) -> None:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))

@@ -21,7 +21,7 @@ from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.resets import PositionResets
 from companion.autopilot.vehicle_clock import Turn, VehicleClock
 from companion.core.messages import AutopilotEvent, Pose, Vector3, VehicleState
-from wsr.frames import enu_from_ned, yaw_enu_from_ned
+from wsr.frames import enu_of_ned, yaw_enu_from_ned
 
 Fields = dict[str, Any]
 
@@ -48,6 +48,7 @@ _ACCELEROMETER_ERROR = 2048
 """which must not be,"""
 _CONSTANT_POSITION = 128
 """nor this in the air. On the ground it is normal: PX4 sets it while the vehicle stands still, disarmed."""
+_OF_EVERY_BOOT: Final = ("heartbeat_mono_ns", "system_id", "autopilot")
 
 
 class Telemetry:
@@ -76,7 +77,8 @@ class Telemetry:
         self._on_time_question = on_time_question
         self._now_ns = now_ns
         self._lock = threading.Lock()
-        self._state = VehicleState(t_mono_ns=now_ns())
+        self._known: Fields = {}
+        """Fields of `VehicleState` by name, as last told."""
         handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
             "CURRENT_MODE": _current_mode,
@@ -112,14 +114,15 @@ class Telemetry:
             self.malformed += 1
             return
         with self._lock:
-            self._state = dataclasses.replace(self._state, **known)
+            self._known.update(known)
 
     def state(self) -> VehicleState:
         """The newest telemetry, stamped now."""
         with self._lock:
-            now_ns, clock, charge = self._now_ns(), self._vehicle_clock, self._batteries.now(self._now_ns())
-            return dataclasses.replace(
-                self._state,
+            now_ns, clock = self._now_ns(), self._vehicle_clock
+            charge = self._batteries.now(now_ns)
+            return VehicleState(
+                **self._known,
                 t_mono_ns=now_ns,
                 battery_remaining=charge.remaining,
                 battery_mono_ns=charge.mono_ns,
@@ -133,7 +136,12 @@ class Telemetry:
     def identify(self, system_id: int) -> None:
         """Which vehicle this is the telemetry of."""
         with self._lock:
-            self._state = dataclasses.replace(self._state, system_id=system_id)
+            self._known["system_id"] = system_id
+
+    def told(self, field: str) -> Any:
+        """One field of `VehicleState`, as last told; None before."""
+        with self._lock:
+            return self._known.get(field)
 
     def vehicle_ns(self, t_mono_ns: int) -> int | None:
         """The vehicle's own time at one of ours; None while it is not known."""
@@ -152,7 +160,7 @@ class Telemetry:
         with self._lock:
             turn = self._vehicle_clock.told(vehicle_ns, now_ns)
             if turn is Turn.RESTARTED:
-                self._forget(now_ns)
+                self._forget()
         if turn is Turn.RESTARTED:
             text = f"the autopilot has restarted: its clock is at {vehicle_ns / 1e9:.1f} s again"
             self._events.append(AutopilotEvent(now_ns, _WARNING, text))
@@ -160,16 +168,10 @@ class Telemetry:
             text = f"our clock stood still: the autopilot's went on by {self._vehicle_clock.stood_still_ns / 1e9:.1f} s"
             self._events.append(AutopilotEvent(now_ns, _WARNING, text))
 
-    def _forget(self, now_ns: int) -> None:
+    def _forget(self) -> None:
         """All that was of the boot before, but for who it is and that it is heard."""
-        was = self._state
-        self._state = VehicleState(
-            t_mono_ns=now_ns,
-            heartbeat_mono_ns=was.heartbeat_mono_ns,
-            system_id=was.system_id,
-            autopilot=was.autopilot,
-            boots=was.boots + 1,
-        )
+        was, self._known = self._known, {"boots": self._known.get("boots", 0) + 1}
+        self._known.update((name, was[name]) for name in _OF_EVERY_BOOT if name in was)
         self._batteries = Batteries()
         self._resets.forget()
         self.parameters.clear()
@@ -196,9 +198,8 @@ class Telemetry:
         return {}
 
     def _local_position(self, fields: Fields, now_ns: int) -> Fields:
-        position, velocity = (
-            _enu(*(fields[name] for name in names)) for names in (("x", "y", "z"), ("vx", "vy", "vz"))
-        )
+        position = _enu(fields["x"], fields["y"], fields["z"])
+        velocity = _enu(fields["vx"], fields["vy"], fields["vz"])
         self._told(int(fields["time_boot_ms"]) * 1_000_000, now_ns)
         return {
             "position_mono_ns": now_ns,
@@ -231,7 +232,7 @@ class Telemetry:
         flags = int(fields["flags"])
         return {
             "estimator_mono_ns": now_ns,
-            "estimator_healthy": is_healthy(flags, self._state.in_air),
+            "estimator_healthy": is_healthy(flags, self._known.get("in_air", False)),
             "position_is_global": bool(flags & _GLOBAL_POSITION),
         }
 
@@ -297,9 +298,8 @@ def parameter_field(value: int | float) -> float:
     return float(field)
 
 
-def _enu(*ned: Any) -> Vector3:
-    east, north, up = (float(v) for v in enu_from_ned([_finite(v) for v in ned]))
-    return (east, north, up)
+def _enu(north: Any, east: Any, down: Any) -> Vector3:
+    return enu_of_ned(_finite(north), _finite(east), _finite(down))
 
 
 def _finite(value: Any) -> float:

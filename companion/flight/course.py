@@ -47,8 +47,14 @@ class Course:
     def report(self, event: Event | None, reason: str = "") -> None:
         """Something has happened: it counts at the next tick, beside the conditions that hold then."""
         self._reason = reason or self._reason
+        if event is Event.ABORT:
+            self.withdraw()  # at rest an abort means nothing to the table: what it is about would come after it
         if event is not None:
             self._reported.append(event)
+
+    def withdraw(self) -> None:
+        """A person's wish that no tick has taken up yet is not wanted any more."""
+        self._reported = [one for one in self._reported if one not in _WISHES]
 
     def explain(self, reason: str) -> None:
         """Why the next step will be taken; nothing, if there is no reason."""

@@ -94,7 +94,8 @@ class Flight:
         self._refused_ns: int | None = None
         self._tick_ns: int | None = None
         self._stream_ns: int | None = None
-        """When the newest set point of the stream went out, or the stream began; None while there is none."""
+        """When the newest set point of the stream went out, or the stream began; in preflight the last tick, since what
+        it looked at grows old; else None."""
 
     @property
     def state(self) -> State:
@@ -166,7 +167,10 @@ class Flight:
             self._send_setpoint(vehicle, now_ns)
         elif self._observes:
             self._observe(vehicle, now_ns)
-        self._stream_ns = (self._stream_ns or now_ns) if self._streaming else None
+        if self._streaming:
+            self._stream_ns = self._stream_ns or now_ns
+        else:
+            self._stream_ns = now_ns if self.state is State.PREFLIGHT else None
 
     def _situation(self, vehicle: VehicleState, now_ns: int, slept_s: float) -> Situation:
         p_m = vehicle.p_local_enu_m

@@ -62,8 +62,10 @@ class Wishes:
         self.answer(Event.ABORT, "")
 
     def outdate(self) -> None:
-        """What is being asked for now is not wanted any more: the world has moved on since a person did."""
+        """What is being asked for now, or was granted and not taken up yet, is not wanted any more: the world has moved
+        on since a person did."""
         self._aborts += 1
+        self._course.withdraw()
 
     def answer(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
         """A wish has been answered: granted, if there is no refusal."""

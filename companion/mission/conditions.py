@@ -56,7 +56,8 @@ class Situation:
     """Times the vehicle has held since then."""
     target_near: bool
     stream_gap_s: float
-    """Since the last set point that went out, or since the stream began; 0 while there is no stream."""
+    """Since the last set point that went out, or since the stream began; in preflight since the last tick, which made
+    the look that is answered now; else 0."""
     stood_still_s: float = 0.0
     """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
     slept_s: float = 0.0

@@ -127,6 +127,8 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
 }
 """What is not listed keeps the state and asks for nothing."""
 
+_SEVERITY: Final = tuple(Event)
+
 
 def step(state: State, event: Event) -> Step:
     """The next state and what to do, for every pair."""
@@ -139,5 +141,4 @@ def worst(state: State, events: Iterable[Event]) -> Event | None:
     The others are dropped: a condition that lasts is raised again next tick, and a wish (`engage`) made while
     something went wrong must be made again, knowingly.
     """
-    heard = set(events)
-    return next((event for event in Event if event in heard and (state, event) in TABLE), None)
+    return min((event for event in events if (state, event) in TABLE), key=_SEVERITY.index, default=None)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
 from companion.core.streams import Stream
 from companion.pose.source import BodyFrame
@@ -117,7 +117,7 @@ class Vehicle:
 class InlineWorker:
     """The AOA worker's computation in this process; results are taken when their time has come."""
 
-    def __init__(self, estimator: str, clock: VirtualClock) -> None:
+    def __init__(self, estimator: str, clock: Clock) -> None:
         self._estimator = ESTIMATORS[estimator]()
         self._clock = clock
         self._results: list[tuple[int, AoaResult]] = []

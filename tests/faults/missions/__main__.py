@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,21 @@ import click
 from companion.flight.records import SERVICE_ENDS, MissionStep
 from tests.faults.missions.fly import fly
 from tests.faults.missions.promises import violations
+from tests.faults.missions.reality import real
 from tests.faults.missions.scenario import draw
 from tests.faults.missions.trace import Sent, Trace
 
 _SAY_EVERY_S = 30.0
 
 
-def flown(seed: int) -> dict[str, Any]:
+def trace_of(seed: int, is_real: bool) -> Trace:
+    return fly(real(draw(seed)), is_real=True) if is_real else fly(draw(seed))
+
+
+def flown(seed: int, is_real: bool = False) -> dict[str, Any]:
     """One mission: its row."""
     began_s = time.process_time()
-    trace = fly(draw(seed))
+    trace = trace_of(seed, is_real)
     return {
         "seed": seed,
         "faults": [f"{fault.kind} {fault.word}".strip() for fault in trace.scenario.faults],
@@ -43,12 +49,13 @@ def _steps(trace: Trace) -> list[str]:
     return [f"{step.state} {step.event} {step.next_state}" for step in steps]
 
 
-def rows(seeds: list[int], jobs: int) -> Iterator[dict[str, Any]]:
+def rows(seeds: list[int], jobs: int, is_real: bool) -> Iterator[dict[str, Any]]:
+    one = partial(flown, is_real=is_real)
     if jobs == 1:
-        yield from map(flown, seeds)
+        yield from map(one, seeds)
         return
     with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        yield from pool.imap_unordered(flown, seeds, chunksize=8)
+        yield from pool.imap_unordered(one, seeds, chunksize=8)
 
 
 def kept(out: Path) -> dict[int, dict[str, Any]]:
@@ -68,17 +75,21 @@ def kept(out: Path) -> dict[int, dict[str, Any]]:
 @click.option("--count", default=5000, show_default=True, help="Missions in all, those flown before among them.")
 @click.option("--first", default=0, show_default=True, help="Seed of the first.")
 @click.option("--jobs", default=1, show_default=True)
-@click.option("--out", type=click.Path(path_type=Path), default=Path("build/missions.jsonl"), show_default=True)
+@click.option("--real", "is_real", is_flag=True, help="Radio, cameras, window, worker and estimator computed.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Default: build/missions.jsonl, build/missions-real.jsonl."
+)
 @click.option("--trace", "shown", type=int, help="Fly this seed alone and print its trace.")
-def main(count: int, first: int, jobs: int, out: Path, shown: int | None) -> None:
+def main(count: int, first: int, jobs: int, is_real: bool, out: Path | None, shown: int | None) -> None:
     """Random fault missions; exit code 1 when a promise of docs/safety.md was broken."""
     if shown is not None:
-        trace = fly(draw(shown))
+        trace = trace_of(shown, is_real)
         for entry in trace.entries:
             print(entry)
         found = violations(trace)
         print(*found, sep="\n")
         sys.exit(bool(found))
+    out = out or Path("build/missions-real.jsonl" if is_real else "build/missions.jsonl")
     out.parent.mkdir(parents=True, exist_ok=True)
     wanted = range(first, first + count)
     before = {seed: row for seed, row in kept(out).items() if seed in wanted}
@@ -87,7 +98,7 @@ def main(count: int, first: int, jobs: int, out: Path, shown: int | None) -> Non
     with out.open("a") as file:
         if file.tell() and not out.read_bytes().endswith(b"\n"):
             file.write("\n")
-        for number, row in enumerate(rows([seed for seed in wanted if seed not in before], jobs), 1):
+        for number, row in enumerate(rows([seed for seed in wanted if seed not in before], jobs, is_real), 1):
             file.write(json.dumps(row) + "\n")
             file.flush()
             broken += [row] if row["violations"] else []

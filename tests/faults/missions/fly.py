@@ -6,25 +6,25 @@ import asyncio
 import logging
 import math
 import random
-from typing import Any, cast
+from typing import Any, Final, cast
+from unittest import mock
 
-import numpy as np
-
-from companion.core.clock import NS_PER_S
+from companion.autopilot import mavsdk_edge, onboard_status
+from companion.autopilot.snapshot import SnapshotAutopilot
+from companion.core.clock import NS_PER_S, HostSleep
 from companion.core.event_clock import EventClock
-from companion.core.inputs import Surroundings, Wish
+from companion.core.inputs import Surroundings
 from companion.core.messages import Pose, VehicleState
-from companion.core.streams import Stream
+from companion.core.streams import MISSION, TICK, VEHICLE, WISH, Stream
 from companion.flight.loop import Flight
-from companion.flight.records import MissionStep
 from companion.mission.table import State
 from companion.pose.intake import PoseIntake
-from companion.radio.card import ChannelSample
 from companion.sensing.iterations import SarIterations
 from companion.sensing.lookalikes import Lookalikes
 from companion.sim.px4.commander import Mode
+from tests.faults.missions.reality import Reality, RealSenses
 from tests.faults.missions.scenario import BEACON_ID, MOST_S, Fault, Scenario
-from tests.faults.missions.target import DrawnWindow, DrawnWorker, FoundNeighbour
+from tests.faults.missions.target import DrawnSenses
 from tests.faults.missions.timeless import MissionClock, MissionLoop
 from tests.faults.missions.trace import (
     LINK_FAULTS,
@@ -38,28 +38,32 @@ from tests.faults.missions.trace import (
     Ticked,
     Trace,
 )
-from tests.faults.missions.vehicle import STEP_NS, Vehicle, VehicleLink, edge_on, setpoint
+from tests.faults.missions.vehicle import Vehicle, VehicleLink, edge_on, setpoint
 
 _BATTERIES: dict[str, dict[int, float | None]] = {
     "low": {0: 0.1}, "second low": {0: 0.9, 1: 0.05}, "unknown": {0: None}, "second unknown": {0: 0.9, 1: None},
     "silent": {},
 }  # fmt: skip
-_NO_CSI = np.zeros((30, 3), np.complex64)
-_ASKS_AFTER_S = 4.0
-_QUIET_S = 6.0
+_POLL_S: Final = 0.05
+"""How often the edge looks whether what it asked for has come, instead of each 10 ms."""
+_AT_REST = frozenset({State.IDLE, State.LATCHED, State.FAULT})
+_ASKS_AFTER_S = (1.0, 2.0, 4.0)
+_QUIET_S = 4.0
 """A mission is flown on for so long after the last that was to happen."""
 
 
-def fly(scenario: Scenario) -> Trace:
-    """The same scenario gives the same trace."""
+def fly(scenario: Scenario, is_real: bool = False) -> Trace:
+    """The same scenario gives the same trace. `is_real`: radio, cameras and estimator are computed, not drawn."""
     logging.getLogger("companion").setLevel(logging.CRITICAL + 1)
-    clock = MissionClock()
+    clock = MissionClock(0) if is_real else MissionClock()
     loop = MissionLoop(clock)
+    seldom = mock.patch.object(mavsdk_edge, "_POLL_S", _POLL_S)
+    unread = mock.patch.object(onboard_status, "fields", dict)
     try:
-        loop.connect(lambda to_ns: setattr(clock, "t_ns", to_ns))
-        world = World(scenario, clock, loop)
-        loop.connect(world.advance)
-        loop.run_until_complete(world.run())
+        with seldom, unread:
+            world = World(scenario, clock, loop, Reality(scenario) if is_real else None)
+            loop.connect(world.advance)
+            loop.run_until_complete(world.run())
         return world.trace
     finally:
         loop.close()
@@ -85,30 +89,30 @@ class Service:
         self.failed = False
         self.told: VehicleState | None = None
         """At this tick."""
-        self.target = FoundNeighbour(scenario.target_enu_m)
-        self.window = DrawnWindow(clock)
-        self.worker = DrawnWorker(world.rng, clock, self.window, self.target)
+        self._ticks = False
+        self.senses = senses = DrawnSenses(world) if world.reality is None else RealSenses(world)
         self.link = VehicleLink(world.vehicle, self.note_sent)
         self.edge = edge_on(world.vehicle, self.link)
-        self.intake = PoseIntake(scenario.config.pose, clock, _Poses(), lambda _: None)
+        self.intake = PoseIntake(scenario.config.pose, clock, _Poses(), senses.on_pose)
         event_clock = EventClock(clock)
         self.sar = SarIterations(
-            window=cast(Any, self.window), worker=self.worker, neighbours={BEACON_ID: self.target},
+            window=cast(Any, senses.window), worker=senses.worker, neighbours=senses.neighbours,
             config=scenario.config.aperture, clock=event_clock, recorder=self,
             lookalikes=Lookalikes({BEACON_ID: "beacon"}),
             pose_problem=self.intake.problem_between,
         )  # fmt: skip
         self.flight = Flight(
-            config=scenario.config, clock=event_clock, intake=self.intake, neighbours={BEACON_ID: self.target},
-            autopilot=self.edge, sar=self.sar, recorder=self, look=self.look,
+            config=scenario.config, clock=event_clock, intake=self.intake, neighbours=senses.neighbours,
+            autopilot=SnapshotAutopilot(self.edge, event_clock, self), sar=self.sar, recorder=self, look=self.look,
         )  # fmt: skip
+        self.flight._sleep = HostSleep(clock.now_ns, clock.boot_ns)
         self.sar.iterations.connect(self.flight.knowledge.add_iteration)
-        self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run(), self.flight.run())]
+        self.tasks = [world.loop.create_task(self._run(part)) for part in (self.edge.run, self.flight.run)]
         world.trace.entries.append(Served(clock.t_ns, "begins"))
 
     async def _run(self, part: Any) -> None:
         try:
-            await part
+            await part()
         except asyncio.CancelledError:
             raise
         except Exception as error:  # noqa: BLE001 - whatever the flight raises is what is looked for
@@ -126,9 +130,12 @@ class Service:
         return {}
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        if stream.topic == "/tick":
-            self.world.note_tick(self)
-        elif isinstance(message, MissionStep | Wish):
+        if stream is TICK:
+            self._ticks = True
+        elif stream is VEHICLE and self._ticks:  # the tick's own look
+            self._ticks, self.told = False, message
+            self.world.note_tick(self, message)
+        elif stream in (MISSION, WISH):
             self.world.trace.entries.append(message)
 
     def note_sent(self, name: str, fields: dict[str, Any]) -> None:
@@ -152,28 +159,32 @@ class Service:
 class World:
     """Everything around the service: moves on whenever all of its tasks sleep."""
 
-    def __init__(self, scenario: Scenario, clock: MissionClock, loop: MissionLoop) -> None:
-        self.scenario, self.clock, self.loop = scenario, clock, loop
+    def __init__(
+        self, scenario: Scenario, clock: MissionClock, loop: MissionLoop, reality: Reality | None = None
+    ) -> None:
+        self.scenario, self.clock, self.loop, self.reality = scenario, clock, loop, reality
         self.rng = random.Random(f"world {scenario.seed}")
         self.trace = Trace(scenario)
         self.vehicle = Vehicle(scenario, clock)
         self._modes_seen = len(self.vehicle.commander.history)
         self._start_ns = clock.t_ns
-        self._step_ns = clock.t_ns + self.rng.randrange(STEP_NS)
+        self._step_ns = clock.t_ns + self.rng.randrange(scenario.step_ns)
         self._faults = list(scenario.faults)
         self._lasting: list[tuple[int, Fault]] = []
         self._engaged_ns = 0
         self._asks_left = scenario.asks_again
+        self._asks_after_s = self.rng.choice(_ASKS_AFTER_S)
         self.offset_m = [0.0, 0.0, 0.0]
         self._pose_ns = self._packet_ns = self._datagram_ns = clock.t_ns
         self._frozen: Pose | None = None
         self._asking: list[asyncio.Task[str]] = []
         self._ending: asyncio.Task[None] | None = None
-        last_s = max(fault.at_s + min(fault.for_s, 12.0) for fault in scenario.faults) + _QUIET_S
+        last_s = max(fault.at_s + min(fault.for_s, 6.0) for fault in scenario.faults) + _QUIET_S
         self._end_ns = self._start_ns + round(min(MOST_S, last_s) * NS_PER_S)
         self.service: Service | None = None
         self._applied_to: Service | None = None
         self._switch_up = False
+        self._flew_ns = clock.t_ns
 
     async def run(self) -> None:
         self.service = Service(self)
@@ -184,17 +195,22 @@ class World:
         await asyncio.gather(*self._asking, return_exceptions=True)
 
     def _is_over(self) -> bool:
-        """Nothing is to come, and the vehicle stands on the ground or is in other hands for good."""
-        at_rest = self.service is not None and self.service.flight.state in (State.IDLE, State.LATCHED, State.FAULT)
-        return at_rest and not self._faults and self.clock.t_ns - self._engaged_ns > _QUIET_S * NS_PER_S
+        """Nobody engages any more, and for a while the vehicle has been on the ground or in other hands."""
+        at_rest = self.service is not None and self.service.flight.state in _AT_REST
+        if not at_rest or not all(asking.done() for asking in self._asking):
+            return False
+        if self._asks_left or any(fault.kind in ("engage", "switch") for fault in self._faults):
+            return False
+        return self.clock.t_ns - self._flew_ns > _QUIET_S * NS_PER_S
 
     def _ask_again(self) -> None:
         now_ns, service = self.clock.t_ns, self.service
-        if service is None or self._asks_left == 0 or now_ns - self._engaged_ns < _ASKS_AFTER_S * NS_PER_S:
+        if service is None or self._asks_left == 0 or not all(asking.done() for asking in self._asking):
             return
-        if self._engaged_ns and service.flight.state in (State.IDLE, State.LATCHED):
+        rests = service.flight.state in _AT_REST and now_ns - self._flew_ns > self._asks_after_s * NS_PER_S
+        if self._engaged_ns and rests:
             self._asks_left -= 1
-            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(15.0 * NS_PER_S))
+            self._end_ns = min(self._start_ns + round(MOST_S * NS_PER_S), now_ns + round(10.0 * NS_PER_S))
             self._engage(service)
 
     def _engage(self, service: Service) -> None:
@@ -206,21 +222,22 @@ class World:
             self.clock.t_ns = max(self.clock.t_ns, self._step_ns)
             pause = self._begin_faults()
             self._turn(alone=False)
-            self._step_ns += STEP_NS
+            self._step_ns += self.scenario.step_ns
             if pause is not None:
                 self._stand_still(pause)
                 to_ns = max(to_ns, self.clock.t_ns)
         self.clock.t_ns = max(self.clock.t_ns, to_ns)
 
-    def note_tick(self, service: Service) -> None:
+    def note_tick(self, service: Service, told: VehicleState) -> None:
         now_ns, commander = self.clock.t_ns, self.vehicle.commander
         ready = (
-            service.sar.is_ready, not service.failed, not service.target.clock_lost, not commander.estimator.broken,
+            service.sar.is_ready, not service.failed, service.senses.is_related, not commander.estimator.broken,
         )  # fmt: skip
-        service.told = service.edge.state()
+        if service.flight.state not in _AT_REST:
+            self._flew_ns = now_ns
         self.trace.entries.append(
             Ticked(
-                now_ns, service.told, service.flight.state, commander.mode, commander.intention,
+                now_ns, told, service.flight.state, commander.mode, commander.intention,
                 commander.armed, (now_ns - self._pose_ns) / NS_PER_S, (now_ns - self._packet_ns) / NS_PER_S,
                 (now_ns - self._datagram_ns) / NS_PER_S, ready,
             )
@@ -235,53 +252,54 @@ class World:
             self.trace.entries.append(Moded(self.clock.t_ns, history[self._modes_seen][1], armed))
             self._modes_seen += 1
         self.vehicle.tell()
-        if alone or self.service is None:
-            return
-        service, now_ns = self.service, self.clock.t_ns
-        service.window.note(self.vehicle.airframe.estimated_p_enu_m)
-        self._give_poses(service)
-        if not self._lasts("packets"):
-            self._packet_ns = now_ns
-            service.flight.knowledge.heard(ChannelSample(BEACON_ID, None, now_ns, 0, _NO_CSI, -50.0))
-        if not self._lasts("datagrams"):
-            self._datagram_ns = service.target.heard_ns = now_ns
-        service.worker.give(service.sar)
+        service = None if alone else self.service
+        if self.reality is not None:
+            self.reality.go_on(self, service)
+        if service is not None:
+            service.senses.turn(self, service)
 
-    def _give_poses(self, service: Service) -> None:
-        word = self._word("poses")
+    def note_packet(self) -> None:
+        self._packet_ns = self.clock.t_ns
+
+    def note_datagram(self) -> None:
+        self._datagram_ns = self.clock.t_ns
+
+    def give_poses(self, service: Service, poses: list[Pose]) -> None:
+        """The tracker's, with what is wrong with it now."""
+        word = self.word("poses")
         if word == "silent":
             return
-        for ago_ns in (STEP_NS // 2, 0):
-            t_ns = self.clock.t_ns - ago_ns
-            x, y, z = (p + o for p, o in zip(self.vehicle.airframe.p_enu_m, self.offset_m, strict=True))
+        for true in poses:
+            x, y, z = (p + o for p, o in zip(true.p_enu_m, self.offset_m, strict=True))
             x = math.nan if word == "nan" else x
-            confidence = {"failed": 0, "low": 1}.get(word, 3)
-            pose = Pose(t_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0), self.vehicle.airframe.v_enu_m_s, confidence)
+            confidence = {"failed": 0, "low": 1}.get(word, true.confidence)
+            pose = Pose(true.t_mono_ns, (x, y, z), true.q_enu_from_body, true.v_enu_m_s, confidence)
             if word == "frozen" and self._frozen is not None:
                 old = self._frozen
-                pose = Pose(t_ns, old.p_enu_m, old.q_enu_from_body, old.v_enu_m_s, 3)
+                pose = Pose(true.t_mono_ns, old.p_enu_m, old.q_enu_from_body, old.v_enu_m_s, 3)
             self._frozen = pose
             if word not in ("nan", "failed"):
-                self._pose_ns = t_ns
+                self._pose_ns = true.t_mono_ns
             service.intake.take(pose)
 
-    def _lasts(self, kind: str) -> bool:
+    def lasts(self, kind: str) -> bool:
         return any(fault.kind == kind for _, fault in self._lasting)
 
-    def _word(self, kind: str) -> str:
+    def word(self, kind: str) -> str:
         return next((fault.word for _, fault in self._lasting if fault.kind == kind), "")
 
     def _stand_still(self, pause: Fault) -> None:
         """The event loop alone, the whole process, or (`suspend`) our clock with it."""
-        steps = round((0.1 + 4.0 * pause.size**2) * NS_PER_S / STEP_NS)
+        step_ns = self.scenario.step_ns
+        steps = round((0.1 + 4.0 * pause.size**2) * NS_PER_S / step_ns)
         telemetry = self.vehicle.telemetry
         self.vehicle.telemetry = telemetry if pause.word == "loop" else None
         for _ in range(steps):
             if pause.word == "suspend":
-                self.vehicle.suspended_ns += STEP_NS
+                self.clock.suspended_ns += step_ns
             else:
-                self.clock.t_ns += STEP_NS
-                self._step_ns = self.clock.t_ns + STEP_NS
+                self.clock.t_ns += step_ns
+                self._step_ns = self.clock.t_ns + step_ns
             self._turn(alone=True)
         self.vehicle.telemetry = telemetry
         self._disturb(0.0, "pause")
@@ -315,24 +333,25 @@ class World:
     def _apply(self) -> None:
         """What lasts, as it is now."""
         vehicle, service = self.vehicle, self.service
-        vehicle.mute, vehicle.commands, vehicle.offboard = map(self._word, ("mute", "commands", "offboard"))
-        vehicle.is_deaf = self._lasts("deaf")
-        vehicle.parameters_silent = self._word("parameters") == "silent"
-        vehicle.commander.parameters["COM_OF_LOSS_T"] = 10.0 if self._word("parameters") == "wrong" else 1.0
-        vehicle.commander.estimator.broken = self._lasts("estimator")
+        vehicle.mute, vehicle.commands, vehicle.offboard = map(self.word, ("mute", "commands", "offboard"))
+        vehicle.is_deaf = self.lasts("deaf")
+        vehicle.parameters_silent = self.word("parameters") == "silent"
+        vehicle.commander.parameters["COM_OF_LOSS_T"] = 10.0 if self.word("parameters") == "wrong" else 1.0
+        vehicle.commander.estimator.broken = self.lasts("estimator")
         wind = next((fault for _, fault in self._lasting if fault.kind == "wind"), None)
         angle = 0.0 if wind is None else math.tau * wind.size
         force_m_s2 = 0.0 if wind is None else 2.0 + 6.0 * wind.size
         vehicle.wind_m_s2 = (force_m_s2 * math.cos(5 * angle), force_m_s2 * math.sin(5 * angle))
-        vehicle.batteries = dict(_BATTERIES.get(self._word("battery"), {0: 0.9}))
-        was_up, vehicle.up = vehicle.up, None if self._lasts("rc") else self._switch_up
+        vehicle.batteries = dict(_BATTERIES.get(self.word("battery"), {0: 0.9}))
+        was_up, vehicle.up = vehicle.up, None if self.lasts("rc") else self._switch_up
         if was_up is not vehicle.up:
             self.trace.entries.append(Switched(self.clock.t_ns, vehicle.up))
         if service is not None:
-            service.failed, service.target.clock_lost = self._lasts("recorder"), self._lasts("clock")
-            service.link.is_closed = self._lasts("closed")
-            service.worker.does = self._word("worker")
-            (service.worker.ready.clear if service.worker.does == "gone" else service.worker.ready.set)()
+            service.failed = self.lasts("recorder")
+            service.link.is_closed = self.lasts("closed")
+            service.senses.apply(self)
+            ready = service.senses.worker.ready
+            (ready.clear if self.word("worker") == "gone" else ready.set)()
 
     def _happen(self, fault: Fault) -> None:
         vehicle, service = self.vehicle, self.service

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from companion.config.schema import (
@@ -24,7 +24,7 @@ from companion.core.messages import Vector3
 UAV_ID: Final = 1
 BEACON_ID: Final = 2
 SWITCH_CHANNEL: Final = 7
-MOST_S: Final = 50.0
+MOST_S: Final = 40.0
 
 DURATIONS_S: Final = {
     "mute": (0.2, 8.0), "deaf": (0.2, 6.0), "closed": (0.2, 4.0), "offboard": (1.0, 20.0), "commands": (1.0, 15.0),
@@ -39,11 +39,17 @@ _WORDS: Final[dict[str, tuple[str, ...]]] = {
     "poses": ("silent", "nan", "low", "failed", "frozen"), "packets": ("",), "datagrams": ("",),
     "worker": ("hangs", "gone", "lost", "refuses", "doubts", "lies"), "battery": ("low", "second low", "unknown",
     "silent", "second unknown"), "wind": ("",), "estimator": ("",), "recorder": ("",), "clock": ("",), "rc": ("",),
-    "pause": ("loop", "process"), "reboot": ("",), "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"),
-    "sticks": ("",), "switch": ("",), "jump": ("",), "reset": ("",), "abort": ("",), "engage": ("",),
+    "pause": ("loop", "process", "suspend"), "reboot": ("",), "sticks": ("",), "switch": ("",), "jump": ("",),
+    "pilot": ("HOLD", "LAND", "RTL", "POSCTL", "ALTCTL", "MANUAL"), "reset": ("",), "abort": ("",), "engage": ("",),
     "stop": ("",), "kill": ("",),
 }  # fmt: skip
 _OFTEN: Final = {"pause": 3, "pilot": 3, "mute": 3, "abort": 2, "battery": 2, "poses": 3, "engage": 2}
+_READY_S: Final = 0.9
+"""Since the service began; nothing is ready any sooner."""
+_LAST_S: Final = (5.0, 8.0, 8.0, 12.0, 16.0, 24.0)
+"""When a mission's faults are over. An engagement begins after 1 to 2 s, a takeoff takes 5, a leg and its bearing 4."""
+_NEAR_EVERY: Final = 4
+"""Of so many missions one is near its target, has its faults over half a minute, and may arrive."""
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
 
 
@@ -70,33 +76,48 @@ class Scenario:
     """How often a person engages again when a flight has ended by itself."""
     rc_loss_act: int
     """COM_OBL_RC_ACT: what PX4 does when the stream is lost."""
+    step_ns: int
+    """In which the world goes on and the vehicle tells its place, at any phase to the control loop's 50 ms."""
 
 
 def draw(seed: int) -> Scenario:
     """The same seed gives the same scenario, whatever was drawn before."""
     rng = random.Random(f"mission {seed}")
     has_switch = rng.random() < 0.4
-    faults = [_fault(rng) for _ in range(rng.choice((0, 1, 1, 2, 2, 3, 4, 6)))]
-    faults.append(Fault(2.0 + rng.random(), "engage", "", 0.0, 0.0))
+    last_s = rng.choice(_LAST_S)
+    faults = [_fault(rng, last_s) for _ in range(rng.choice((0, 1, 1, 2, 2, 3, 4, 6)))]
+    faults.append(Fault(_READY_S + 0.5 * rng.random(), "engage", "", 0.0, 0.0))
     if has_switch:
-        faults += [Fault(3.0 + 3.0 * rng.random(), "switch", "", 0.0, 0.0)]
-    bearing_rad, range_m = rng.uniform(-math.pi, math.pi), rng.uniform(2.5, 9.0)
+        faults += [Fault(_READY_S + 3.0 * rng.random(), "switch", "", 0.0, 0.0)]
+    bearing_rad, range_m = rng.uniform(-math.pi, math.pi), rng.uniform(2.0, 8.0)
+    config = _config(rng, has_switch)
+    is_near = seed % _NEAR_EVERY == _NEAR_EVERY - 1
+    if is_near:
+        range_m, config = rng.uniform(1.5, 3.5), _arriving(rng, config)
+        faults = [fault for fault in faults if fault.kind == "engage"] + [_fault(rng, 30.0) for _ in range(2)]
     return Scenario(
         seed=seed,
-        config=_config(rng, has_switch),
+        config=config,
         faults=tuple(sorted(faults, key=lambda fault: fault.at_s)),
-        starts_in_air=rng.random() < 0.4,
+        starts_in_air=rng.random() < 0.6 or is_near,
         target_enu_m=(range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad), rng.uniform(0.0, 1.5)),
         asks_again=rng.choice((0, 1, 2)),
-        rc_loss_act=rng.choice((4, 4, 5, 5, 5, 5, 5, 3, 0)),
+        rc_loss_act=rng.choice((4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 3, 0)),
+        step_ns=rng.choice((50_000_000, 100_000_000, 100_000_000)),
     )
 
 
-def _fault(rng: random.Random) -> Fault:
+def _arriving(rng: random.Random, config: Config) -> Config:
+    """One that calls the target reached while it still knows little of its place: half a minute is enough."""
+    mission = replace(config.mission, arrival_range_m=rng.uniform(20.0, 40.0), speed_m_s=rng.uniform(0.3, 0.5))
+    return replace(config, mission=mission, aperture=ApertureConfig(length_m=1.0), gate=GateConfig())
+
+
+def _fault(rng: random.Random, last_s: float) -> Fault:
     kind = rng.choice(_KINDS)
     low_s, high_s = DURATIONS_S.get(kind, (0.0, 0.0))
     for_s = low_s * (high_s / low_s) ** rng.random() if low_s else 0.0
-    return Fault(rng.uniform(0.5, 26.0), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
+    return Fault(rng.uniform(0.3, last_s), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
 
 
 def _config(rng: random.Random, has_switch: bool) -> Config:

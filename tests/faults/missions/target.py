@@ -7,13 +7,14 @@ import math
 import random
 from collections import deque
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from companion.core.clock import NS_PER_S
-from companion.core.messages import Vector3
+from companion.core.messages import Pose, Vector3
 from companion.neighbours.neighbour import Neighbour
+from companion.radio.card import ChannelSample
 from companion.sensing.iterations import SarIterations
 from companion.sensing.window import ApertureReport
 from companion.sensing.worker_wire import AoaResult
@@ -22,7 +23,12 @@ from tests.faults.missions.timeless import MissionClock
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 
+if TYPE_CHECKING:
+    from tests.faults.missions.fly import Service, World
+
 _BOOT = 1
+_LEVEL = (1.0, 0.0, 0.0, 0.0)
+_NO_CSI = np.zeros((30, 3), np.complex64)
 _ORIGIN_M: Vector3 = (3.0, -2.0, 0.4)
 """The target counts its own poses from here."""
 _NOTHING = ((0.0, 0.0, 0.0),) * 3
@@ -88,6 +94,43 @@ class DrawnWindow:
             aperture=_APERTURE if is_long else None, refusal="" if is_long else "too short",
             peer_t_s=_T_S, peer_p_m=np.array([[x, y, z], [x, y, z]]), peer_boot=_BOOT,
         )  # fmt: skip
+
+
+class DrawnSenses:
+    """What one start of the service has in place of window, worker, poses and the receiver of datagrams."""
+
+    def __init__(self, world: World) -> None:
+        clock, step_ns = world.clock, world.scenario.step_ns
+        target = FoundNeighbour(world.scenario.target_enu_m)
+        self._target = target
+        self.window = DrawnWindow(clock)
+        self.worker = DrawnWorker(world.rng, clock, self.window, target)
+        self.neighbours: dict[int, Neighbour] = {BEACON_ID: target}
+        count = 2 if step_ns < NS_PER_S // 15 else 3
+        self._poses_ago_ns = [step_ns * i // count for i in reversed(range(count))]
+
+    def on_pose(self, pose: Pose) -> None: ...
+
+    @property
+    def is_related(self) -> bool:
+        return not self._target.clock_lost
+
+    def apply(self, world: World) -> None:
+        self._target.clock_lost = world.lasts("clock")
+        self.worker.does = world.word("worker")
+
+    def turn(self, world: World, service: Service) -> None:
+        now_ns, airframe = world.clock.t_ns, world.vehicle.airframe
+        self.window.note(airframe.estimated_p_enu_m)
+        p_m, v_m_s = airframe.p_enu_m, airframe.v_enu_m_s
+        world.give_poses(service, [Pose(now_ns - ago_ns, p_m, _LEVEL, v_m_s, 3) for ago_ns in self._poses_ago_ns])
+        if not world.lasts("packets"):
+            service.flight.knowledge.heard(ChannelSample(BEACON_ID, None, now_ns, 0, _NO_CSI, -50.0))
+            world.note_packet()
+        if not world.lasts("datagrams"):
+            self._target.heard_ns = now_ns
+            world.note_datagram()
+        self.worker.give(service.sar)
 
 
 class DrawnWorker:

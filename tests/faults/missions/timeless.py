@@ -15,14 +15,31 @@ Advance = Callable[[int], None]
 class MissionClock:
     """A `companion.core.clock.Clock`; `asyncio.sleep` and `asyncio.timeout` of a `MissionLoop` go by it too."""
 
-    def __init__(self) -> None:
-        self.t_ns = 10 * NS_PER_S
+    def __init__(self, t_ns: int = 10 * NS_PER_S) -> None:
+        self.t_ns = t_ns
+        self.suspended_ns = 0
+        """How long this clock has stood still while the host was suspended."""
 
     def now_ns(self) -> int:
         return self.t_ns
 
+    def boot_ns(self) -> int:
+        """CLOCK_BOOTTIME, which goes on in a suspended host."""
+        return self.t_ns + self.suspended_ns
+
     async def sleep_until_ns(self, deadline_ns: int) -> None:
-        await asyncio.sleep(max(0, deadline_ns - self.t_ns) / NS_PER_S)
+        loop = asyncio.get_running_loop()
+        woken = loop.create_future()
+        alarm = loop.call_at(deadline_ns / NS_PER_S, _wake, woken)
+        try:
+            await woken
+        finally:
+            alarm.cancel()
+
+
+def _wake(sleeper: asyncio.Future[None]) -> None:
+    if not sleeper.done():
+        sleeper.set_result(None)
 
 
 class _Selector(selectors.SelectSelector):

@@ -16,12 +16,15 @@ from companion.sim.px4.parameters import field_and_kind, written
 from tests.faults.missions.scenario import SWITCH_CHANNEL, Scenario
 from tests.faults.missions.timeless import MissionClock
 
-STEP_NS: Final = NS_PER_S // 20
 _PERIOD_NS: Final = {
     "HEARTBEAT": NS_PER_S, "EXTENDED_SYS_STATE": NS_PER_S // 5, "BATTERY_STATUS": NS_PER_S,
     "ESTIMATOR_STATUS": NS_PER_S // 2, "TIMESYNC": NS_PER_S // 2, "RC_CHANNELS": NS_PER_S // 5,
-    "CURRENT_MODE": 0, "LOCAL_POSITION_NED": 0, "ATTITUDE": NS_PER_S // 5,
+    "CURRENT_MODE": 0, "LOCAL_POSITION_NED": 0, "ATTITUDE": NS_PER_S // 2,
 }  # fmt: skip
+"""0: each step, or when it changes. TIMESYNC, ATTITUDE and positions come slower than the edge asks for."""
+_POSITION_TEXT: Final = (
+    '{{"time_boot_ms": {}, "x": {!r}, "y": {!r}, "z": {!r}, "vx": {!r}, "vy": {!r}, "vz": {!r}}}'.format
+)
 _HEARTBEATS: Final = frozenset({"HEARTBEAT"})
 _POSITION: Final = frozenset({"LOCAL_POSITION_NED", "ATTITUDE"})
 _UP_NS: Final = 9_400_000_000
@@ -33,13 +36,12 @@ class Vehicle:
 
     def __init__(self, scenario: Scenario, clock: MissionClock) -> None:
         self.clock = clock
+        self.step_ns = scenario.step_ns
         self.airframe = Airframe(AirframeLimits(), 0.0, Gusts(scenario.seed))
         parameters: dict[str, int | float] = {
             "COM_OBL_RC_ACT": scenario.rc_loss_act, "COM_RC_OVERRIDE": 3, "COM_DISARM_PRFLT": 30.0,
             "RTL_RETURN_ALT": 2.0, "NAV_MC_ALT_RAD": 0.3,
         }  # fmt: skip
-        self.suspended_ns = 0
-        """How far this vehicle's time has gone ahead of a clock of ours that stood still."""
         self.commander = Commander(self.airframe, clock.t_ns, parameters)
         self.batteries: dict[int, float | None] = {0: 0.9}
         self.up: bool | None = False
@@ -51,14 +53,16 @@ class Vehicle:
         self.silent_until_ns = 0
         self._boot_ns = clock.t_ns - _UP_NS
         self._due_ns = dict.fromkeys(_PERIOD_NS, 0)
+        if scenario.config.autopilot is None or scenario.config.autopilot.engage_rc_channel is None:
+            del self._due_ns["RC_CHANNELS"]  # nobody listens to it
         self._mode_told: Any = None
         if scenario.starts_in_air:
             self._hover(scenario.config.mission.takeoff_height_m)
 
     @property
     def now_ns(self) -> int:
-        """This vehicle's view of our time."""
-        return self.clock.t_ns + self.suspended_ns
+        """This vehicle's view of our time: its own goes on while our host is suspended."""
+        return self.clock.boot_ns()
 
     def _hover(self, height_m: float) -> None:
         self.airframe.p_enu_m = (0.0, 0.0, height_m)
@@ -68,10 +72,10 @@ class Vehicle:
         self.commander._target = self.commander._hover()
 
     def step(self) -> None:
-        """One step of `STEP_NS`, up to the clock's time."""
+        """One step, up to the clock's time."""
         if any(self.wind_m_s2) and not self.airframe.on_ground:
             x, y, z = self.airframe.v_enu_m_s
-            dx, dy = (a * STEP_NS / NS_PER_S for a in self.wind_m_s2)
+            dx, dy = (a * self.step_ns / NS_PER_S for a in self.wind_m_s2)
             self.airframe.v_enu_m_s = (x + dx, y + dy, z)
         self.commander.refuse_offboard = self.offboard == "refuse"
         self.commander.step(self.now_ns)
@@ -98,6 +102,9 @@ class Vehicle:
         if name == "BATTERY_STATUS":
             for number, charge in self.batteries.items():
                 self.message(name, {"id": number, "battery_remaining": -1 if charge is None else round(100 * charge)})
+        elif name == "LOCAL_POSITION_NED" and self.telemetry is not None:
+            (x, y, z), (vx, vy, vz) = self.airframe.estimated_p_enu_m, self.airframe.v_enu_m_s
+            self.telemetry.take(name, 1, _POSITION_TEXT(self._boot_ms(), y, x, -z, vy, vx, -vz))
         else:
             self.message(name, self._fields(name))
 
@@ -117,9 +124,11 @@ class Vehicle:
         if self.telemetry is not None:
             self.telemetry.take(name, 1, json.dumps(fields))
 
+    def _boot_ms(self) -> int:
+        return (self.now_ns - self._boot_ns) // 1_000_000
+
     def _fields(self, name: str) -> dict[str, Any]:
-        commander, airframe = self.commander, self.airframe
-        boot_ms = (self.now_ns - self._boot_ns) // 1_000_000
+        commander = self.commander
         match name:
             case "HEARTBEAT":
                 return {
@@ -129,11 +138,11 @@ class Vehicle:
             case "CURRENT_MODE":
                 custom = commander.mode.custom_mode
                 return {"custom_mode": custom, "intended_custom_mode": commander.intention.custom_mode}
-            case "LOCAL_POSITION_NED":
-                (x, y, z), (vx, vy, vz) = airframe.estimated_p_enu_m, airframe.v_enu_m_s
-                return {"time_boot_ms": boot_ms, "x": y, "y": x, "z": -z, "vx": vy, "vy": vx, "vz": -vz}
             case "ATTITUDE":
-                return {"time_boot_ms": boot_ms, "yaw": math.remainder(math.pi / 2 - airframe.yaw_enu_rad, math.tau)}
+                yaw_rad = math.remainder(math.pi / 2 - self.airframe.yaw_enu_rad, math.tau)
+                return {"time_boot_ms": self._boot_ms(), "yaw": yaw_rad}
+            case "AUTOPILOT_VERSION":
+                return {"flight_sw_version": 1 << 24 | 16 << 16 | 1 << 8}
             case "EXTENDED_SYS_STATE":
                 return {"landed_state": 1 if commander.landed else 2}
             case "ESTIMATOR_STATUS":
@@ -157,8 +166,8 @@ class Vehicle:
             self.acknowledge(number, self._take(number, bool(values[0])))
         elif number in (_ARM, _TAKEOFF) and self.commands == "refuse":
             self.acknowledge(number, Result.TEMPORARILY_REJECTED)
-        elif number == _REQUEST and values[0] == 0:
-            self._say("HEARTBEAT")
+        elif number == _REQUEST:
+            self._say("AUTOPILOT_VERSION" if values[0] else "HEARTBEAT")
         elif number not in (_SET_MODE, _ARM, _TAKEOFF):
             self.acknowledge(number, Result.ACCEPTED)
 

@@ -27,6 +27,8 @@ def _about(axis: int, angle_rad: float) -> np.ndarray[tuple[int], np.dtype[np.fl
 def test_ned_and_enu_with_signs(ned: Triple, enu: Triple) -> None:
     np.testing.assert_array_equal(frames.enu_from_ned(ned), enu)
     np.testing.assert_array_equal(frames.ned_from_enu(enu), ned)
+    assert frames.enu_of_ned(*ned) == tuple(enu)
+    assert frames.ned_of_enu(*enu) == tuple(ned)
 
 
 @pytest.mark.parametrize(("compass_deg", "yaw_deg"), [(0, 90), (90, 0), (180, -90), (-90, -180), (45, 45), (300, 150)])

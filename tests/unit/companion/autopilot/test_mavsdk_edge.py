@@ -149,3 +149,29 @@ def test_an_origin_gives_a_vehicle_without_gps_its_global_position() -> None:
     vehicle.run(0.1)
     assert vehicle.px4.commander.estimator.has_global_position
     assert vehicle.px4.commander.estimator.origin_altitude_m == 0.0
+
+
+def test_a_mode_is_asked_for_again_when_it_was_refused_and_not_when_it_was_granted() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(2.0)
+    for refuses, times in ((True, 2), (False, 1)):
+        vehicle.px4.commander.refuse_offboard = refuses
+        before, ask = vehicle.px4.link.received.get("COMMAND_LONG 176", 0), vehicle.edge._asker(176, (1, 6, 0))
+        ask()
+        vehicle.run(0.2)
+        ask()
+        vehicle.run(0.2)
+        assert vehicle.px4.link.received["COMMAND_LONG 176"] - before == times
+
+
+def test_a_mode_is_not_asked_for_again_while_nothing_is_heard_of_it() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(2.0)
+    vehicle.px4.commander.refuse_offboard = True
+    before, ask = vehicle.sent.count("COMMAND_LONG"), vehicle.edge._asker(176, (1, 6, 0))
+    ask()
+    ask()
+    assert vehicle.sent.count("COMMAND_LONG") - before == 1
+    vehicle.run(0.2)
+    ask()
+    assert vehicle.sent.count("COMMAND_LONG") - before == 2

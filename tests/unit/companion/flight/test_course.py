@@ -52,6 +52,15 @@ def test_a_wish_to_engage_that_lost_must_be_made_again(course: Course) -> None:
     assert course.worst([]) is None
 
 
+def test_an_abort_takes_back_a_wish_that_was_granted_and_not_taken_up(course: Course) -> None:
+    course.report(Event.ENGAGE)
+    course.report(Event.ABORT)
+    assert course.worst([]) is None
+    course.report(Event.ABORT)
+    course.report(Event.ENGAGE)
+    assert course.worst([]) is Event.ENGAGE
+
+
 def test_a_report_without_a_meaning_in_this_state_is_dropped(course: Course) -> None:
     course.report(Event.BEARING)
     assert course.worst([]) is None

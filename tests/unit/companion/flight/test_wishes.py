@@ -84,6 +84,13 @@ async def test_an_abort_while_parameters_are_read_stands_against_it() -> None:
     assert await engaging == "it was aborted meanwhile"
 
 
+async def test_what_was_granted_before_the_host_slept_is_not_wanted_any_more() -> None:
+    asked = _Asked()
+    assert await asked.wishes.engage() == ""
+    asked.wishes.outdate()
+    assert asked.course.worst([]) is None
+
+
 async def test_the_switch_engages_beside_the_loop_and_says_why_not() -> None:
     asked = _Asked()
     asked.engagement.missing = ["no poses"]
