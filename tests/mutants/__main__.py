@@ -20,11 +20,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from tests.mutants.same_program import skip_annotations
+from tests.mutants.same_program import is_same, skip_same
 
 _ROOT: Final = Path(__file__).resolve().parents[2]
 _HERE: Final = Path(__file__).resolve().parent
 _COPY: Final = _ROOT / "build" / "mutants"
+_SESSIONS: Final = _ROOT / "build" / "mutants-tried"
 _COUNTS: Final = _ROOT / "build" / "mutants.json"
 _COSMIC: Final = _ROOT / ".venv-mutants" / "bin"
 _COPIED: Final = ("companion", "wsr", "csi_bridge", "tests", "configs", "docs")
@@ -34,13 +35,16 @@ _START_S: Final = 300.0
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("names", nargs="*", help="of tests/mutants/*.toml; all when none is given")
-    names = parser.parse_args().names or sorted(path.stem for path in _HERE.glob("*.toml"))
+    parser.add_argument("--survivors", action="store_true", help="try those again that survived the last time")
+    options = parser.parse_args()
+    names = options.names or sorted(path.stem for path in _HERE.glob("*.toml"))
+    _SESSIONS.mkdir(parents=True, exist_ok=True)
     failed = False
     for name in names:
         _copy()
         try:
             with _kept_counts() as counts:
-                counts[name] = _session(name)
+                counts[name] = _session(name, options.survivors)
         except (subprocess.CalledProcessError, RuntimeError) as error:
             print(f"{name}: {error}", file=sys.stderr)
             failed = True
@@ -55,12 +59,12 @@ def _copy() -> None:
     shutil.copy(_ROOT / "pyproject.toml", _COPY)
 
 
-def _session(name: str) -> dict[str, Any]:
-    """Counts of one module's mutants, after each was tried."""
+def _session(name: str, again: bool) -> dict[str, Any]:
+    """Counts of one module's mutants, after each was tried; with `again` those that survived the last session."""
     settings = tomllib.loads((_HERE / f"{name}.toml").read_text())
     module = settings["cosmic-ray"]["module-path"]
     arguments = shlex.split(settings["cosmic-ray"]["test-command"])[3:]  # after python -m pytest
-    socket, session, derived = _COPY / "warm.sock", _COPY / f"{name}.sqlite", _COPY / f"{name}.toml"
+    socket, session, derived = _COPY / "warm.sock", _SESSIONS / f"{name}.sqlite", _COPY / f"{name}.toml"
     ask = f"{sys.executable} -IS {_HERE / 'ask.py'} {socket}"
     command = settings["cosmic-ray"]["test-command"]
     derived.write_text((_HERE / f"{name}.toml").read_text().replace(json.dumps(command), json.dumps(ask)))
@@ -68,12 +72,15 @@ def _session(name: str) -> dict[str, Any]:
         for one in (_COPY / module).parent.glob(f"__pycache__/{Path(module).stem}.*"):
             one.unlink()
         began_s = time.monotonic()
-        for words in (
-            ["cosmic-ray", "init", derived, session],
-            ["cr-filter-operators", session, derived],
-        ):
-            _cosmic(*words)
-        skip_annotations(session, _COPY / module)
+        if again and session.exists():
+            with sqlite3.connect(session) as database:
+                database.execute("DELETE FROM work_results WHERE test_outcome = 'SURVIVED'")
+            database.close()
+        else:
+            session.unlink(missing_ok=True)
+            _cosmic("cosmic-ray", "init", derived, session)
+            _cosmic("cr-filter-operators", session, derived)
+            skip_same(session, _COPY / module)
         _cosmic("cosmic-ray", "exec", derived, session)
     return _told(name, module, session, time.monotonic() - began_s)
 
@@ -105,6 +112,8 @@ def _told(name: str, module: str, session: Path, took_s: float) -> dict[str, Any
         ).fetchall()
     database.close()
     tried = [(test, diff) for worker, test, diff in rows if worker != "SKIPPED"]
+    source = (_COPY / module).read_text()
+    tried = [(test, diff) for test, diff in tried if test == "KILLED" or not is_same(source, diff)]
     survivors = [diff for test, diff in tried if test != "KILLED"]
     print(f"{name}: {module}: {len(tried)} mutants, {len(survivors)} survive, {took_s:.0f} s", flush=True)
     for diff in survivors:

@@ -58,7 +58,10 @@ async def test_it_is_engaged_on_the_ground_and_finds_the_target(real: Real) -> N
     height_m = real.flight.stage.uav.mission.takeoff_height_m
     assert abs(real.px4.p_enu_m[2] - height_m) < 1.0  # PX4's own estimate is half a metre off
     from_s = time.monotonic()
-    status = await real.flight.in_state("arrived", timeout_s=240.0)
+    try:
+        status = await real.flight.in_state("arrived", timeout_s=240.0)
+    finally:
+        print(f"mission: nearest {min(world.distance_m for world in real.flight.truths):.2f} m")
     rate_hz = sum(t_s > from_s for t_s in real.px4.setpoints) / (time.monotonic() - from_s)
     took_s, distance_m = time.monotonic() - began_s, real.flight.now.distance_m
     print(f"mission: {took_s:.0f} s from engaging to the rendezvous, at {distance_m:.2f} m, {rate_hz:.1f} set points/s")
