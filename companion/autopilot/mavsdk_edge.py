@@ -129,7 +129,7 @@ class MavsdkAutopilot:
                 self._link.system_id,
             )
             backoff = Backoff()
-            await self._watch()
+            await self.watch()
             self._problem = f"autopilot {self._link.url}: its heartbeats stopped"
             _LOG.warning("%s; connecting anew", self._problem)
             await self.aclose()
@@ -347,7 +347,7 @@ class MavsdkAutopilot:
             if now_ns >= deadline_ns:
                 raise AutopilotError(f"{reason()} (waited {timeout_s:g} s)")
 
-    async def _watch(self) -> None:
+    async def watch(self) -> None:
         """Until heartbeats have stayed away for long: asks for what stays away, and tells the autopilot how we are."""
         status_ns = 0
         while self._heartbeat_age_s() < _RECONNECT_S:

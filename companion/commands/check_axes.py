@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import click
 
+from companion.commands.output_files import check_writable, write_json
 from companion.config.file import load_config
 from companion.core.messages import Pose
 from companion.errors import CompanionError
@@ -32,6 +32,7 @@ def check_axes(config_path: Path, distance: float, json_path: Path | None) -> No
     and Up did and what they should have done. Exit code 1 when one is wrong.
     """
     config = load_config(config_path)
+    check_writable(json_path)
     control = config.path(config.control_socket)
     _pose(control)  # before a person starts to carry: is there a service, and has it poses?
     results = [_one(control, move, distance) for move in MOVES]
@@ -39,7 +40,7 @@ def check_axes(config_path: Path, distance: float, json_path: Path | None) -> No
     click.echo(north[1])
     if json_path is not None:
         rows = [asdict(result) for result in results]
-        json_path.write_text(json.dumps({"moves": rows, "north_error_deg": north[0]}, indent=2) + "\n")
+        write_json(json_path, {"moves": rows, "north_error_deg": north[0]})
     wrong = [result.move.name for result in results if result.problem]
     wrong += ["north"] if north[0] is not None and abs(north[0]) > _NORTH_DEG else []
     if wrong:

@@ -10,6 +10,7 @@ import click
 from companion.analysis.csi_logs import as_json, lines, read_content
 from companion.commands.output_files import check_writable, writing
 from companion.errors import CompanionError
+from companion.host.whole_file import write_whole
 
 
 @click.command()
@@ -42,7 +43,7 @@ def csi(files: tuple[Path, ...], json_path: Path | None, out: Path | None) -> No
                 draw_amplitudes(picture, f"{file.name}: {content.format}", content.picture)
     if json_path is not None:
         with writing(json_path):
-            json_path.write_text(json.dumps(results, indent=2, allow_nan=False) + "\n")
+            write_whole(json_path, json.dumps(results, indent=2, allow_nan=False) + "\n")
     if refused:
         raise CompanionError(f"{len(refused)} of {len(files)} files could not be read")
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 from rich.progress import Progress
 
+from companion.commands.doctor_autopilot import autopilot_checks
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.config.file import load_config
@@ -48,6 +49,25 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
     for check in heard:
         _show(check)
     checks += heard
+    if json_path is not None:
+        write_json(json_path, [asdict(check) for check in checks])
+    failed(checks)
+
+
+@doctor.command()
+@click.option("--config", "config_path", type=click.Path(path_type=Path), required=True, help="Of this robot.")
+@click.option("--seconds", type=click.FloatRange(0.5, 60), default=10.0, show_default=True, help="How long to wait.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
+def autopilot(config_path: Path, seconds: float, json_path: Path | None) -> None:
+    """The vehicle: its system id, autopilot and firmware, and the parameters that engage wants.
+
+    The service must not be running: it holds the link. Nothing is commanded. Exit code 1 when anything is wrong.
+    """
+    config = load_config(config_path)
+    check_writable(json_path)
+    checks = asyncio.run(autopilot_checks(config, seconds))
+    for check in checks:
+        _show(check)
     if json_path is not None:
         write_json(json_path, [asdict(check) for check in checks])
     failed(checks)

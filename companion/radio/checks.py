@@ -191,6 +191,6 @@ def _antennas(radio: Radio) -> Check:
 
 def failed(checks: list[Check]) -> None:
     """Raises CompanionError that names what is wrong, if anything is."""
-    wrong = [check.name for check in checks if check.ok is False]
+    wrong = dict.fromkeys(check.name for check in checks if check.ok is False)
     if wrong:
         raise CompanionError(f"not ready: {', '.join(wrong)}")

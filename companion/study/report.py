@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from companion.host.whole_file import write_whole
 from companion.study.study import Outcome, Study, Value
 
 _STYLE = """
@@ -62,7 +63,7 @@ def write_page(
     parts.append("</ul>")
     for outcome in outcomes:
         parts += _section(outcome, pictures.get(outcome.study))
-    path.write_text("\n".join([*parts, "</html>"]), encoding="utf-8")
+    write_whole(path, "\n".join([*parts, "</html>"]))
 
 
 def _section(outcome: Outcome, picture: Path | None) -> list[str]:

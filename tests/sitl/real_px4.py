@@ -81,6 +81,8 @@ class RealPx4:
         """The newest message of the ground station's link by its type."""
         self.acks: dict[int, int] = {}
         self.parameters: dict[str, int | float] = {}
+        self.estimator: list[tuple[float, int]] = []
+        """Flags of ESTIMATOR_STATUS."""
         self.started: list[float] = []
         """When its clock (SYSTEM_TIME) was seen to begin anew."""
         self.service_port = 0
@@ -120,9 +122,9 @@ class RealPx4:
         return self.modes[-1][1] if self.modes else None
 
     @property
-    def up_m(self) -> float:
-        """Above where it stood when it was first heard."""
-        return self._place.p_enu_m[2]
+    def p_enu_m(self) -> Vector3:
+        """Where it truly is, from where it stood when it was first heard."""
+        return self._place.p_enu_m
 
     @property
     def landed(self) -> bool:
@@ -228,6 +230,8 @@ class RealPx4:
                     self.offboard_in_air.append(now_s)
         elif kind == "COMMAND_ACK":
             self.acks[message.command] = message.result
+        elif kind == "ESTIMATOR_STATUS":
+            self.estimator.append((now_s, message.flags))
         elif kind == "PARAM_VALUE":
             value = message.param_value
             is_int = message.param_type == mavlink.MAV_PARAM_TYPE_INT32

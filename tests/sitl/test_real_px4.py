@@ -12,96 +12,25 @@ import signal
 import time
 from collections.abc import AsyncIterator
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import pytest
 import pytest_asyncio
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.autopilot.px4_modes import HOLD, LAND
 from companion.core.messages import FlightMode
-from tests.sitl.flying import IN_OFFBOARD, Flying, flying
-from tests.sitl.real_px4 import RealPx4, file_parameters, why_no_px4
+from tests.sitl.real_cast import RESTART, Real, real_cast
 
 pytestmark = [pytest.mark.px4, pytest.mark.asyncio(loop_scope="module")]
 
-_FILES = Path(__file__).resolve().parents[2] / "configs" / "px4"
 _POSITION = 3
 _COMPANION_DEAD_S = 1.5
 """COM_OF_LOSS_T, and half a second for PX4 to see it and to tell."""
 
 
-@dataclass(frozen=True, slots=True)
-class Real:
-    """The vehicle, and the cast that flies it."""
-
-    px4: RealPx4
-    flight: Flying
-    gps: bool
-
-    @property
-    def left_to(self) -> FlightMode:
-        """The mode PX4 takes by itself when the stream is lost: COM_OBL_RC_ACT of the parameter file."""
-        return FlightMode.HOLD if self.gps else FlightMode.LAND
-
-    async def fly(self) -> None:
-        """In OFFBOARD by the service, in the air."""
-        state = (await self.flight.until(lambda status: True))["state"]
-        if state not in (*IN_OFFBOARD, "idle", "latched"):
-            await self.flight.let_go()
-        if state not in IN_OFFBOARD:
-            await self.settle()
-            await self.flight.engage(timeout_s=120.0)
-        await self.flight.in_state(*IN_OFFBOARD, timeout_s=60.0)
-        await self.px4.in_mode(FlightMode.OFFBOARD, timeout_s=5.0)
-        await asyncio.sleep(1.0)
-
-    async def settle(self) -> None:
-        """Hold, chosen by a person; what comes down is let down first."""
-        if self.px4.mode is FlightMode.LAND:
-            await self.px4.down()
-        assert await self.px4.choose(*HOLD) == mavlink.MAV_RESULT_ACCEPTED
-        await self.px4.in_mode(FlightMode.HOLD, timeout_s=5.0)
-
-    async def land(self) -> None:
-        """By a person."""
-        await self.settle()
-        assert await self.px4.choose(*LAND) == mavlink.MAV_RESULT_ACCEPTED
-        await self.px4.down()
-        await self.settle()
-
-    async def never_back(self, after_s: float, for_s: float = 3.0) -> None:
-        """Out of OFFBOARD now, and for some time in the air; no set point since `after_s` [s, monotonic]."""
-        from_s = time.monotonic()
-        await asyncio.sleep(for_s)
-        assert self.px4.setpoints_after(after_s) == 0
-        assert not any(t_s > from_s for t_s in self.px4.offboard_in_air)
-        assert self.px4.mode is not FlightMode.OFFBOARD or self.px4.landed
-
-
 @pytest_asyncio.fixture(loop_scope="module", scope="module")
 async def real(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Real]:
-    if reason := await asyncio.to_thread(why_no_px4):
-        pytest.skip(reason)
-    with RealPx4() as px4:
-        await px4.until("there", lambda: {"HEARTBEAT", "EXTENDED_SYS_STATE"} <= px4.told.keys(), 10.0)
-        gps = await px4.parameter("SYS_HAS_GPS") == 1
-        for name, value in file_parameters(_FILES / ("gps.params" if gps else "gps-denied.params")).items():
-            if name != "EKF2_EV_DELAY":  # the simulated camera has none
-                await px4.set(name, value)
-        autopilot: dict[str, Any] = {} if gps else {"gps": False, "forward_vio_hz": 50.0}
-        out, url = tmp_path_factory.mktemp("px4"), f"udpin://127.0.0.1:{px4.service_port}"
-        async with flying(out, real_url=url, autopilot=autopilot, lost_target="land") as flight:
-            px4.feed(flight.stage.scenario.truth_in)
-            try:
-                yield Real(px4, flight, gps)
-            finally:
-                px4.is_cut = False
-                if px4.armed:
-                    await px4.choose(*LAND)
-                    await px4.down()
+    async with real_cast(tmp_path_factory.mktemp("px4"), lost_target="land") as cast:
+        yield cast
 
 
 async def test_wrong_parameters_are_refused_by_name_and_nothing_is_armed(real: Real) -> None:
@@ -126,11 +55,13 @@ async def test_it_is_engaged_on_the_ground_and_finds_the_target(real: Real) -> N
     began_s = time.monotonic()
     await real.fly()
     await real.flight.in_state("approaching", timeout_s=120.0)
-    assert (
-        abs(real.px4.up_m - real.flight.stage.uav.mission.takeoff_height_m) < 1.0
-    )  # its own estimate is half a metre off
+    height_m = real.flight.stage.uav.mission.takeoff_height_m
+    assert abs(real.px4.p_enu_m[2] - height_m) < 1.0  # PX4's own estimate is half a metre off
     from_s = time.monotonic()
-    status = await real.flight.in_state("arrived", timeout_s=240.0)
+    try:
+        status = await real.flight.in_state("arrived", timeout_s=240.0)
+    finally:
+        print(f"mission: nearest {min(world.distance_m for world in real.flight.truths):.2f} m")
     rate_hz = sum(t_s > from_s for t_s in real.px4.setpoints) / (time.monotonic() - from_s)
     took_s, distance_m = time.monotonic() - began_s, real.flight.now.distance_m
     print(f"mission: {took_s:.0f} s from engaging to the rendezvous, at {distance_m:.2f} m, {rate_hz:.1f} set points/s")
@@ -239,15 +170,23 @@ async def test_px4s_own_fence_takes_it_out_of_offboard(real: Real) -> None:
 
 
 async def test_a_restarted_px4_is_asked_for_everything_again(real: Real) -> None:
+    """In the air where the restart is ours to make: the flight is over for us, and a person may begin the next."""
+    await real.fly()
+    if RESTART not in os.environ:  # PX4 itself refuses to, while it flies
+        await real.flight.let_go()
+        await real.land()
+    at_s = time.monotonic()
+    await real.restart()
+    await real.flight.in_state("latched", timeout_s=5.0)
+    print(f"restart: last set point {max(real.px4.setpoints) - at_s:.2f} s after it")
+    await real.never_back(at_s + 2.0, 10.0)
+    assert (await real.flight.status())["state"] == "latched"
+    began_s = time.monotonic()
+    await real.flight.until(lambda status: not status["not_ready"], 120.0)
+    print(f"restart: ready again after {time.monotonic() - began_s:.0f} s more")
     await real.fly()
     await real.flight.let_go()
     await real.land()
-    answer = await real.px4.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
-    if answer != mavlink.MAV_RESULT_ACCEPTED:
-        pytest.skip(f"this PX4 answers MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN with MAV_RESULT {answer}: it cannot restart")
-    await real.px4.until("started again", lambda: bool(real.px4.started), 30.0)
-    await real.flight.until(lambda status: not status["not_ready"], 120.0)
-    await real.fly()
 
 
 async def test_a_low_battery_brings_it_down(real: Real) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from companion.autopilot.climb import Climb
@@ -45,3 +47,42 @@ def test_what_somebody_else_decides_is_given_way_to(states: list[VehicleState]) 
 
 def test_hold_on_the_ground_is_no_hover() -> None:
     assert not Climb(0.0, 1.5, 0.8).hovers(_state(FlightMode.HOLD, 0.0, 0.0, in_air=False))
+
+
+def test_it_hovers_after_a_second_of_stillness_and_no_earlier() -> None:
+    climb = Climb(0.0, 1.5, 0.8)
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.15, 100.0)), "0.15 m/s is still"
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, -0.15, 100.999_999_999))
+    assert climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 101.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.16, 101.5))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 102.0)), "it counts anew"
+    assert climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 103.0))
+
+
+@pytest.mark.parametrize(("ground_m", "height_m", "radius_m"), [(0.5, 4.0, 1.25), (-2.0, 20.0, 0.8), (3.0, 6.0, 2.0)])
+def test_a_hold_may_begin_as_low_as_px4_ends_its_takeoff(ground_m: float, height_m: float, radius_m: float) -> None:
+    ends_m = ground_m + height_m - radius_m - 0.3
+    assert not Climb(ground_m, height_m, radius_m).hovers(_state(FlightMode.HOLD, ends_m, 1.0))
+    assert not Climb(ground_m, height_m, radius_m).hovers(_state(FlightMode.HOLD, ends_m + 0.01, 1.0))
+    with pytest.raises(GaveWayError, match="ended below its height"):
+        Climb(ground_m, height_m, radius_m).hovers(_state(FlightMode.HOLD, ends_m - 0.01, 1.0))
+
+
+def test_where_it_began_to_hold_is_looked_at_once() -> None:
+    climb = Climb(0.0, 1.5, 0.1)
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.2, 0.5))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.06, -0.5)), "a dip later on is the air's"
+
+
+def test_to_rest_at_seven_tenths_is_enough() -> None:
+    climb = Climb(0.0, 10.0, 5.0)
+    assert not climb.hovers(_state(FlightMode.HOLD, 7.0, 0.0, 1.0))
+    assert climb.hovers(_state(FlightMode.HOLD, 7.0, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("known", [("p_local_enu_m",), ("v_local_enu_m_s",), ()])
+def test_a_position_that_is_lost_ends_it(known: tuple[str, ...]) -> None:
+    names = {"p_local_enu_m", "v_local_enu_m_s"} - set(known)
+    state = replace(_state(FlightMode.HOLD, 1.5, 0.0), **dict.fromkeys(names))  # type: ignore[arg-type]
+    with pytest.raises(GaveWayError, match="the position was lost"):
+        Climb(0.0, 1.5, 0.8).hovers(state)

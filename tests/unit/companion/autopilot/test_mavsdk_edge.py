@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import math
+from typing import Any
+
 import pytest
 
+from companion.autopilot.port import AutopilotError, GaveWayError
 from companion.core.clock import NS_PER_S
-from companion.core.messages import FlightMode
+from companion.core.messages import FlightMode, Setpoint, Vector3
 from companion.sim.px4.commander import Mode
 from tests.unit.companion.autopilot.virtual_vehicle import VirtualVehicle
 
@@ -175,3 +180,110 @@ def test_a_mode_is_not_asked_for_again_while_nothing_is_heard_of_it() -> None:
     vehicle.run(0.2)
     ask()
     assert vehicle.sent.count("COMMAND_LONG") - before == 2
+
+
+@pytest.fixture
+def vehicle(monkeypatch: pytest.MonkeyPatch) -> VirtualVehicle:
+    """Whoever sleeps lets the vehicle's time pass."""
+    one = VirtualVehicle(parameters={"MIS_TAKEOFF_ALT": 2.5})
+    one.run(1.0)
+
+    async def sleep(seconds: float) -> None:
+        one.run(seconds)
+
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
+    return one
+
+
+async def test_it_arms_takes_off_flies_holds_returns_and_lands(vehicle: VirtualVehicle) -> None:
+    edge = vehicle.edge
+    await edge.arm()
+    assert edge.state().armed
+    await edge.takeoff(1.5)
+    up_m = (edge.state().p_local_enu_m or (0.0, 0.0, 0.0))[2]
+    assert edge.state().in_air and up_m == pytest.approx(1.5, abs=0.3) and edge.state().mode is FlightMode.HOLD
+    sent = len(vehicle.sent)
+    await edge.takeoff(1.5)
+    assert len(vehicle.sent) == sent, "it flies already"
+    for _ in range(20):
+        edge.send_setpoint(Setpoint(vehicle.clock.now_ns(), (0.0, 0.0, up_m), (0.0, 0.0, 0.0), 0.0))
+        vehicle.run(0.05)
+    await edge.request_offboard()
+    assert edge.state().mode is FlightMode.OFFBOARD
+    await edge.return_home()
+    assert edge.state().mode is FlightMode.RETURN
+    await edge.hold()
+    assert edge.state().mode is FlightMode.HOLD
+    await edge.land()
+    assert edge.state().mode is FlightMode.LAND
+
+
+async def test_a_command_is_repeated_each_half_second_and_given_up_after_2_9_s(vehicle: VirtualVehicle) -> None:
+    began_s = vehicle.clock.now_ns() / NS_PER_S
+    asked = vehicle.sent.count("COMMAND_LONG")
+    vehicle.px4.order("offboard refuse")
+    with pytest.raises(AutopilotError, match=r"mode offboard: not confirmed by telemetry; mode is hold, .* was \w+"):
+        await vehicle.edge.request_offboard()
+    assert vehicle.clock.now_ns() / NS_PER_S - began_s == pytest.approx(2.9, abs=0.05)
+    assert vehicle.sent.count("COMMAND_LONG") - asked == 6
+
+
+async def test_a_mode_that_somebody_else_chose_is_given_way_to(vehicle: VirtualVehicle) -> None:
+    vehicle.px4.order("offboard refuse")
+    asked = asyncio.ensure_future(vehicle.edge.request_offboard())
+    vehicle.px4.order("pilot MANUAL")
+    with pytest.raises(GaveWayError, match="mode offboard: the mode became manual meanwhile; somebody else decided"):
+        await asked
+
+
+async def test_parameters_are_read_written_and_named_when_they_are_not_there(vehicle: VirtualVehicle) -> None:
+    edge = vehicle.edge
+    assert await edge.parameter("MIS_TAKEOFF_ALT") == 2.5
+    await edge.set_parameter("MIS_TAKEOFF_ALT", 3.5)
+    assert await edge.parameter("MIS_TAKEOFF_ALT") == 3.5
+    await edge.set_parameter("COM_OBL_RC_ACT", 4)
+    assert await edge.parameter("COM_OBL_RC_ACT") == 4
+    with pytest.raises(AutopilotError, match=r"parameter NO_SUCH: no answer; .* \(waited 2.9 s\)"):
+        await edge.parameter("NO_SUCH")
+
+
+async def test_a_program_that_stood_still_gives_up_what_it_had_asked_for(
+    vehicle: VirtualVehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def stand_still(seconds: float) -> None:
+        vehicle.clock.advance(0.6)
+
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", stand_still)
+    vehicle.px4.order("offboard refuse")
+    with pytest.raises(GaveWayError, match="given up because this program stood still"):
+        await vehicle.edge.request_offboard()
+
+
+@pytest.mark.parametrize(
+    ("p_m", "yaw_rad", "mask"),
+    [((1.0, 2.0, 3.0), 0.0, 2496), (None, 0.0, 2503), ((1.0, 2.0, 3.0), None, 3520), (None, None, 3527)],
+)
+def test_a_set_point_says_what_of_it_is_meant(p_m: Vector3 | None, yaw_rad: float | None, mask: int) -> None:
+    vehicle = VirtualVehicle()
+    told: dict[str, Any] = {}
+    vehicle.send = lambda name, **fields: told.update(fields, name=name)  # type: ignore[method-assign]
+    vehicle.edge.send_setpoint(Setpoint(0x1_0000_0000 * 1_000_000 + 5_000_000, p_m, (0.1, 0.2, 0.3), yaw_rad))
+    assert told["type_mask"] == mask and told["name"] == "SET_POSITION_TARGET_LOCAL_NED"
+    assert told["time_boot_ms"] == 5 and told["coordinate_frame"] == 1
+    assert (told["vx"], told["vy"], told["vz"]) == (0.2, 0.1, -0.3)
+    assert (told["x"], told["y"], told["z"]) == ((2.0, 1.0, -3.0) if p_m else (0.0, 0.0, 0.0))
+    assert told["yaw"] == (0.0 if yaw_rad is None else pytest.approx(math.pi / 2)) and told["yaw_rate"] == 0.0
+    assert (told["afx"], told["afy"], told["afz"]) == (0.0, 0.0, 0.0)
+    with pytest.raises(AutopilotError, match="not finite; nothing was sent"):
+        vehicle.edge.send_setpoint(Setpoint(0, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
+
+
+def test_an_origin_is_sent_in_tenths_of_micro_degrees_and_at_altitude_0() -> None:
+    vehicle = VirtualVehicle()
+    told: dict[str, Any] = {}
+    vehicle.send = lambda name, **fields: told.update(fields, name=name)  # type: ignore[method-assign]
+    vehicle.edge.set_origin(47.25, -8.5)
+    assert told == {
+        "name": "SET_GPS_GLOBAL_ORIGIN", "target_system": 1, "latitude": 472_500_000, "longitude": -85_000_000,
+        "altitude": 0, "time_usec": 0,
+    }  # fmt: skip

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from companion.autopilot.telemetry import Telemetry, is_healthy
-from companion.core.messages import FlightMode
+from companion.autopilot.telemetry import Telemetry, is_healthy, parameter_field
+from companion.core.messages import FlightMode, Pose
 
 _HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4, "autopilot": 12}
 _POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3, "time_boot_ms": 57_000}
@@ -135,3 +135,181 @@ def test_what_the_vehicle_is(bench: _Bench) -> None:
     assert (bench.telemetry.state().autopilot, bench.telemetry.state().firmware) == ("px4", "1.16.1")
     bench.take("HEARTBEAT", _HEARTBEAT | {"autopilot": 3})
     assert bench.telemetry.state().autopilot == "ardupilot"
+
+
+def _stamped(bench: _Bench, vehicle_ms: int, ours_s: float) -> None:
+    """A position that left at `vehicle_ms` of the vehicle's clock and arrives at `ours_s` of ours."""
+    bench.now_ns = round(ours_s * 1e9)
+    bench.take("LOCAL_POSITION_NED", _POSITION | {"time_boot_ms": vehicle_ms})
+
+
+@pytest.mark.parametrize("name", ["LOCAL_POSITION_NED", "ATTITUDE"])
+def test_its_clock_is_known_by_the_milliseconds_of_its_messages(bench: _Bench, name: str) -> None:
+    assert bench.telemetry.vehicle_ns(10_000_000_000) is None and bench.telemetry.state().clock_offset_ns is None
+    for step in range(10):
+        bench.now_ns = 10_000_000_000 + step * 20_000_000
+        bench.take(name, _POSITION | {"yaw": 0.0, "time_boot_ms": 57_000 + 20 * step})
+    assert bench.telemetry.state().clock_offset_ns == 47_000_000_000
+    assert bench.telemetry.vehicle_ns(11_000_000_000) == 58_000_000_000
+    assert bench.telemetry.state().boot_ms == 57_180
+
+
+def test_its_questions_for_our_time_tell_its_own(bench: _Bench) -> None:
+    asked: list[int] = []
+    telemetry = Telemetry(lambda: bench.now_ns, on_time_question=asked.append)
+    for step in range(10):
+        bench.now_ns = 10_000_000_000 + step * 100_000_000
+        telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 0, "ts1": 57_000_000_123 + step * 100_000_000}))
+    assert asked[0] == 57_000_000_123 and len(asked) == 10
+    assert telemetry.state().clock_offset_ns == 47_000_000_123
+    assert telemetry.state().timesync_mono_ns == bench.now_ns
+    bench.now_ns += 1_000_000
+    telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 1, "ts1": 5}))
+    assert len(asked) == 10 and telemetry.state().timesync_mono_ns == bench.now_ns - 1_000_000, "an answer is none"
+
+
+def test_a_restart_is_told_and_what_was_known_is_forgotten(bench: _Bench) -> None:
+    bench.now_ns = 1_000_000_000
+    bench.telemetry.identify(7)
+    bench.take("HEARTBEAT", _HEARTBEAT)
+    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": 42})
+    bench.take("PARAM_VALUE", {"param_id": "A", "param_value": 1.5, "param_type": 9})
+    bench.take("COMMAND_ACK", {"command": 176, "result": 0})
+    for boots in (1, 2, 3):
+        _stamped(bench, 57_000, 2.0 * boots)
+        assert bench.telemetry.take_events() == []
+        _stamped(bench, 1_400, 2.0 * boots + 1.0)
+        state = bench.telemetry.state()
+        assert state.boots == boots and state.boot_ms == 1_400
+        (event,) = bench.telemetry.take_events()
+        assert event.text == "the autopilot has restarted: its clock is at 1.4 s again" and event.severity == 4
+        assert event.t_mono_ns == bench.now_ns
+    assert (state.system_id, state.autopilot, state.heartbeat_mono_ns) == (7, "px4", 1_000_000_000)
+    assert state.mode is None and not state.armed and state.battery_remaining is None
+    assert bench.telemetry.parameters == {} and bench.telemetry.acknowledgements == {}
+
+
+def test_a_pause_of_ours_is_told_and_nothing_is_forgotten(bench: _Bench) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT)
+    for step in range(30):
+        _stamped(bench, 57_000 + 100 * step, 10.0 + 0.1 * step)
+    assert bench.telemetry.take_events() == []
+    _stamped(bench, 57_000 + 3_000 + 2_600, 13.0)
+    (event,) = bench.telemetry.take_events()
+    assert event.text == "our clock stood still: the autopilot's went on by 2.6 s" and event.severity == 4
+    state = bench.telemetry.state()
+    assert state.stood_still_ns == 2_600_000_000 and state.boots == 0 and state.mode is FlightMode.OFFBOARD
+
+
+def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: _Bench) -> None:
+    bench.take("STATUSTEXT", {"severity": 3, "text": "Low battery\0\0"})
+    bench.now_ns = 2000
+    bench.take("EVENT", {"id": 77, "log_levels": 0x54})
+    first, second = bench.telemetry.take_events()
+    assert (first.t_mono_ns, first.severity, first.text) == (1000, 3, "Low battery")
+    assert (second.t_mono_ns, second.severity, second.text) == (2000, 4, "event 77")
+    bench.take("EVENT", {"id": 78, "log_levels": 0x77})
+    assert [event.severity for event in bench.telemetry.take_events()] == [7]
+    for number in range(250):
+        bench.take("STATUSTEXT", {"severity": 6, "text": f"{number}"})
+    kept = [event.text for event in bench.telemetry.take_events()]
+    assert kept == [str(number) for number in range(150, 250)], "the oldest go"
+    assert bench.telemetry.take_events() == []
+
+
+def test_rc_channels_are_as_many_as_it_says_and_no_more_than_there_are(bench: _Bench) -> None:
+    channels = {f"chan{number}_raw": 1000 + number for number in range(1, 19)}
+    for count, told in ((0, 0), (1, 1), (16, 16), (18, 18), (40, 18)):
+        bench.now_ns += 1
+        bench.take("RC_CHANNELS", channels | {"chancount": count})
+        assert bench.telemetry.malformed == 0
+        assert bench.telemetry.state().rc_us == tuple(1000 + number for number in range(1, told + 1))
+        assert bench.telemetry.state().rc_mono_ns == bench.now_ns
+
+
+@pytest.mark.parametrize(
+    ("flags", "is_global"), [(16, True), (1023, True), (495, False), (15, False), (32, False), (0, False)]
+)
+def test_a_global_position_is_one_bit(bench: _Bench, flags: int, is_global: bool) -> None:
+    bench.take("ESTIMATOR_STATUS", {"flags": flags})
+    assert bench.telemetry.state().position_is_global is is_global
+    assert bench.telemetry.state().estimator_mono_ns == 1000
+
+
+@pytest.mark.parametrize("missing", [1, 2, 4])
+def test_each_thing_an_estimator_must_know(missing: int) -> None:
+    assert is_healthy(895, in_air=True) and not is_healthy(895 - missing, in_air=True)
+
+
+@pytest.mark.parametrize(
+    ("flags", "healthy"),
+    [
+        (1 | 2 | 4 | 8 | 256, True),
+        (1 | 2 | 4 | 16 | 512, True),
+        (1 | 2 | 4 | 32 | 256, False),  # the height above ground alone
+        (1 | 2 | 4 | 8, False),
+        (1 | 2 | 4 | 256, False),
+        (1 | 2 | 4 | 8 | 64 | 1024, False),
+        (1 | 2 | 4 | 8 | 256 | 2048 | 128, False),
+    ],
+)
+def test_a_position_that_something_measures(flags: int, healthy: bool) -> None:
+    assert is_healthy(flags, in_air=True) is healthy
+
+
+@pytest.mark.parametrize(("status", "failsafe"), [(3, False), (4, False), (5, True), (6, False), (8, False)])
+def test_a_failsafe_is_a_state_of_its_own(bench: _Bench, status: int, failsafe: bool) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT | {"system_status": status})
+    assert bench.telemetry.state().failsafe is failsafe
+
+
+@pytest.mark.parametrize(("base_mode", "armed"), [(128, True), (127, False), (256, False), (384, True), (0, False)])
+def test_armed_is_one_bit(bench: _Bench, base_mode: int, armed: bool) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT | {"base_mode": base_mode})
+    assert bench.telemetry.state().armed is armed
+
+
+@pytest.mark.parametrize(("percent", "remaining"), [(0, 0.0), (1, 0.01), (100, 1.0), (-1, None)])
+def test_an_empty_battery_is_known_to_be_empty(bench: _Bench, percent: int, remaining: float | None) -> None:
+    bench.take("BATTERY_STATUS", {"id": 3, "battery_remaining": percent})
+    assert bench.telemetry.state().battery_remaining == remaining
+    assert bench.telemetry.state().batteries_unknown == (() if remaining is not None else (3,))
+
+
+def test_answers_are_counted_and_components_of_any_number_are_no_autopilot(bench: _Bench) -> None:
+    for _ in range(3):
+        bench.take("COMMAND_ACK", {"command": 511, "result": 0})
+    assert bench.telemetry.acknowledged[511] == 3
+    for component in (0, 2, 100, 300):
+        bench.take("HEARTBEAT", _HEARTBEAT, component)
+    assert bench.telemetry.state().heartbeat_mono_ns is None
+    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24})
+    assert bench.telemetry.state().intended_mode is None, "an older one does not tell it"
+
+
+@pytest.mark.parametrize("value", [0, 1, 257, 2**31 - 1, -(2**31), -7])
+def test_an_integer_parameter_goes_and_comes_in_four_bytes(bench: _Bench, value: int) -> None:
+    field = parameter_field(value)
+    if math.isnan(field):
+        return  # the library cannot carry it: PARAM_VALUE is then null
+    for kind in (6, 300):
+        bench.take("PARAM_VALUE", {"param_id": "N", "param_value": field, "param_type": kind})
+        assert bench.telemetry.parameters["N"] == value
+    assert parameter_field(1.5) == 1.5
+
+
+def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -> None:
+    poses: list[Pose] = []
+    telemetry = Telemetry(lambda: bench.now_ns, on_odometry=poses.append)
+    odometry = {
+        "time_usec": 5_000_000, "frame_id": 1, "child_frame_id": 12, "x": 1.0, "y": 0.0, "z": 0.0,
+        "q": [1.0, 0.0, 0.0, 0.0], "vx": 1.0, "vy": 0.0, "vz": 0.0, "reset_counter": 4,
+    }  # fmt: skip
+    telemetry.take("ODOMETRY", 1, json.dumps(odometry))
+    # Half a second later at 1 m/s North: what is more than half a metre is the reset's.
+    after = odometry | {"time_usec": 5_500_000, "x": 3.5, "reset_counter": 5}
+    telemetry.take("ODOMETRY", 1, json.dumps(after))
+    assert telemetry.malformed == 0 and len(poses) == 2 and poses[0].t_mono_ns == bench.now_ns
+    assert poses[0].p_enu_m == pytest.approx((0.0, 1.0, 0.0))
+    state = telemetry.state()
+    assert state.resets == 1 and state.p_reset_enu_m == pytest.approx((0.0, 2.0, 0.0))

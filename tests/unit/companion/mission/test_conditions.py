@@ -116,3 +116,72 @@ def test_the_ground_is_where_to_notice_it(event: Event) -> None:
     bad = replace(QUIET, pose_age_s=9.0, took_off=False, vehicle=replace(FLYING, battery_remaining=0.05))
     assert event in conditions(State.PREFLIGHT, bad, LIMITS)
     assert event not in conditions(State.IDLE, bad, LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("event", "state", "at_limit", "beyond"),
+    [
+        (Event.LINK_LOST, State.APPROACHING, {"mode_mono_ns": NOW_NS - 1_500_000_000}, {"mode_mono_ns": 0}),
+        (Event.LINK_LOST, State.APPROACHING, {"heartbeat_mono_ns": NOW_NS - 1_500_000_000}, {"heartbeat_mono_ns": 0}),
+        (Event.BATTERY_LOW, State.APPROACHING, {"battery_remaining": 0.2}, {"battery_remaining": 0.0}),
+        (Event.STALLED, State.APPROACHING, {"stream_gap_s": 0.5}, {"stream_gap_s": 600.0}),
+        (Event.STALLED, State.APPROACHING, {"stood_still_s": 0.5}, {"stood_still_s": 600.0}),
+        (Event.STALLED, State.APPROACHING, {"slept_s": 0.2}, {"slept_s": 0.21}),
+        (Event.STALLED, State.APPROACHING, {"slept_s": 0.2}, {"slept_s": 600.0}),
+        (Event.POSE_STALE, State.APPROACHING, {"pose_age_s": 0.2}, {"pose_age_s": 7.9}),
+        (Event.POSE_LOST, State.APPROACHING, {"pose_age_s": 8.0}, {"pose_age_s": 600.0}),
+        (Event.BEARING_STALE, State.APPROACHING, {"target_age_s": 2.0}, {"target_age_s": 600.0}),
+        (Event.BEARING_STALE, State.APPROACHING, {"blind_legs": 2}, {"blind_legs": 400}),
+        (Event.TIMEOUT, State.PREFLIGHT, {"in_state_s": 10.0}, {"in_state_s": 10.1}),
+        (Event.TIMEOUT, State.TAKING_OFF, {"in_state_s": 90.0}, {"in_state_s": 90.1}),
+        (Event.TIMEOUT, State.ACQUIRING, {"in_state_s": 900.0}, {"in_state_s": 900.1}),
+        (Event.TIMEOUT, State.APPROACHING, {"in_state_s": 900.0}, {"in_state_s": 900.1}),
+        (Event.TIMEOUT, State.HOLDING, {"in_state_s": 60.0}, {"in_state_s": 60.1}),
+        (Event.TIMEOUT, State.LANDING, {"in_state_s": 120.0}, {"in_state_s": 120.1}),
+        (Event.MODE_LOST, State.LANDING, {"in_state_s": 8.0}, {"in_state_s": 8.1}),
+        (Event.BEARING_BACK, State.HOLDING, {"in_state_s": 5.0}, {"in_state_s": 5.1}),
+        (Event.BEARING_BACK, State.HOLDING, {"in_state_s": 9.0, "tries": 4}, {"in_state_s": 9.0, "tries": 3}),
+    ],
+)
+def test_a_limit_itself_is_still_within_it(
+    event: Event, state: State, at_limit: dict[str, float], beyond: dict[str, float]
+) -> None:
+    assert event not in conditions(state, _changed(at_limit), LIMITS)
+    assert event in conditions(state, _changed(beyond), LIMITS)
+
+
+def test_nothing_stands_still_or_sleeps_unless_it_is_told() -> None:
+    assert QUIET.stood_still_s == 0.0 and QUIET.slept_s == 0.0
+
+
+@pytest.mark.parametrize("state", [state for state in State if state not in (State.LANDING, State.HOLDING)])
+def test_only_a_landing_must_have_begun_by_a_time(state: State) -> None:
+    """Of all states, whatever their names sort after."""
+    mode = FlightMode.HOLD if state in (State.TAKING_OFF, State.ARRIVED) else FlightMode.OFFBOARD
+    late = replace(QUIET, in_state_s=9.0, vehicle=replace(FLYING, mode=mode))
+    assert Event.MODE_LOST not in conditions(state, late, LIMITS)
+    assert Event.BEARING_BACK not in conditions(state, late, LIMITS)
+
+
+@pytest.mark.parametrize("state", [State.ACQUIRING, State.APPROACHING, State.HOLDING, State.TAKING_OFF])
+def test_what_the_vehicle_is_left_in_at_the_target_is_expected_nowhere_else(state: State) -> None:
+    landing = replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.LAND))
+    assert Event.MODE_LOST in conditions(state, landing, replace(LIMITS, leave_modes=frozenset({FlightMode.LAND})))
+
+
+def test_to_be_left_in_hold_is_expected_once_or_twice() -> None:
+    held = replace(QUIET, vehicle=replace(FLYING, mode=FlightMode.HOLD))
+    assert conditions(State.ARRIVED, held, replace(LIMITS, leave_modes=frozenset({FlightMode.HOLD}))) == []
+
+
+@pytest.mark.parametrize("state", [State.IDLE, State.LATCHED, State.FAULT, State.ARRIVED])
+def test_a_state_without_a_limit_lasts_as_long_as_it_lasts(state: State) -> None:
+    assert Event.TIMEOUT not in conditions(state, replace(QUIET, in_state_s=1e6), LIMITS)
+
+
+def _changed(values: dict[str, float]) -> Situation:
+    """The quiet one, in hold where a landing may begin, with other values of itself or of its vehicle."""
+    vehicle = replace(FLYING, mode=FlightMode.HOLD)
+    ours = {name: value for name, value in values.items() if not hasattr(vehicle, name)}
+    theirs = {name: value for name, value in values.items() if hasattr(vehicle, name)}
+    return replace(QUIET, vehicle=replace(vehicle, **theirs), **ours)  # type: ignore[arg-type]

@@ -189,3 +189,100 @@ def test_heights_of_parameters_leave_room_for_each_other(
 def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:
     problems = list(parameter_problems(_PX4_DEFAULTS | {"GF_ACTION": "parameter GF_ACTION: no answer"}, gps=True))
     assert "parameter GF_ACTION: no answer; wanted 2 (hold), 3 (return) or 5 (land): PX4's own geofence" in problems[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "gps", "good", "bad"),
+    [
+        ("COM_OF_LOSS_T", True, (0.01,), (-1.0,)),
+        ("COM_RC_OVERRIDE", True, (3, 7, 11), (0, 1, 2, 4, 8)),
+        ("RTL_RETURN_ALT", True, (0.1, 300.0), (0.0, -0.5, -2.0)),
+        ("GF_MAX_VER_DIST", True, (0.0, 12.0), (-0.5, -1.0)),
+        ("NAV_MC_ALT_RAD", True, (0.1, 3.0), (0.0, -0.5, -2.0)),
+        ("SYS_HAS_GPS", True, (1,), (-1, 0, 2)),
+        ("EKF2_EV_CTRL", True, (0,), (-1, 1, 15)),
+        ("SYS_HAS_GPS", False, (0,), (-1, 1)),
+        ("EKF2_EV_CTRL", False, (11, 15, 0x10B), (0, 1, 3, 7, 8, 9, 10, 14)),
+        ("EKF2_GPS_CTRL", False, (0,), (-1, 1, 7)),
+        ("EKF2_HGT_REF", False, (3,), (0, 1, 2, 4)),
+    ],
+)
+def test_which_values_pass_and_which_are_next_to_them(
+    name: str, gps: bool, good: tuple[float, ...], bad: tuple[float, ...]
+) -> None:
+    (requirement,) = (r for r in required_parameters(gps) if r.name == name)
+    assert [value for value in good if not requirement.accepts(value)] == []
+    assert [value for value in bad if requirement.accepts(value)] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "heights", "named"),
+    [
+        ({"RTL_RETURN_ALT": 1.7}, Heights(1.5, 2.0), []),
+        ({"RTL_RETURN_ALT": 1.71}, Heights(1.5, 2.0), ["RTL_RETURN_ALT"]),
+        ({"GF_MAX_VER_DIST": 0.9, "NAV_MC_ALT_RAD": 0.1}, Heights(0.5, 9.0), ["RTL_RETURN_ALT"]),
+        ({"GF_MAX_VER_DIST": -1.0}, Heights(1.5, 9.0), ["GF_MAX_VER_DIST"]),
+        ({"RTL_RETURN_ALT": 0.1, "GF_MAX_VER_DIST": 0.5}, Heights(0.5, 9.0), ["GF_MAX_VER_DIST", "NAV_MC_ALT_RAD"]),
+        ({"RTL_RETURN_ALT": 0.5, "GF_MAX_VER_DIST": 1.3}, Heights(1.0, 9.0), ["NAV_MC_ALT_RAD"]),
+        ({"NAV_MC_ALT_RAD": 0.7}, Heights(1.0, 5.0), []),
+        ({"NAV_MC_ALT_RAD": 9.0, "GF_MAX_VER_DIST": -1.0}, Heights(10.0, 12.0), ["GF_MAX_VER_DIST"]),
+    ],
+)
+def test_a_height_at_its_limit_passes(change: dict[str, float], heights: Heights, named: list[str]) -> None:
+    problems = list(parameter_problems(_GOOD | change, True, heights))
+    assert [line.split()[1] for line in problems] == named
+
+
+def test_a_name_that_sorts_after_a_height_is_no_height() -> None:
+    """SYS_HAS_GPS, of the last in the list, is 1 however low the ceiling is."""
+    problems = list(parameter_problems(_GOOD | {"RTL_RETURN_ALT": 0.5}, True, Heights(1.5, 0.8)))
+    assert problems == []
+
+
+def test_without_a_configuration_the_takeoff_is_at_1_5_m_and_the_ceiling_open() -> None:
+    assert Heights() == Heights(takeoff_m=1.5, ceiling_m=float("inf"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"heartbeat_age_s": 2.0},
+        {"estimator_age_s": 3.0},
+        {"timesync_age_s": 3.0},
+        {"battery": 0.2},
+        {"datagram_age_s": 2.0},
+        {"packet_age_s": 2.0},
+        {"free_mib": 500.0},
+    ],
+)
+def test_a_limit_itself_passes(change: dict[str, float]) -> None:
+    assert readiness_problems(replace(_READY, **change), _LIMITS) == []  # type: ignore[arg-type]
+
+
+def test_an_estimator_that_tells_nothing_is_not_called_unhealthy_as_well() -> None:
+    silent = replace(_READY, estimator_age_s=3.1, estimator_healthy=False)
+    assert readiness_problems(silent, _LIMITS) == ["the autopilot's estimator tells nothing of itself"]
+    told = replace(_READY, estimator_age_s=3.0, estimator_healthy=False)
+    assert readiness_problems(told, _LIMITS) == ["the autopilot's estimator is not healthy"]
+
+
+def test_a_clock_is_a_matter_of_its_own_as_long_as_packets_and_datagrams_come() -> None:
+    at_limit = replace(_READY, datagram_age_s=2.0, packet_age_s=2.0, clock_problem="not related")
+    assert readiness_problems(at_limit, _LIMITS) == ["not related"]
+
+
+@pytest.mark.parametrize(("battery", "told"), [(0.0, "0 %"), (0.04, "4 %"), (0.5, "50 %")])
+def test_a_low_battery_is_told_in_percent(battery: float, told: str) -> None:
+    (problem,) = readiness_problems(replace(_READY, battery=battery), replace(_LIMITS, min_battery=0.6))
+    assert problem == f"the battery is low: {told}, wanted 60"
+
+
+@pytest.mark.parametrize("mode", [mode for mode in FlightMode if mode is not FlightMode.HOLD])
+def test_in_the_air_only_hold_is_handed_over(mode: FlightMode) -> None:
+    """Of all modes, whatever their names sort after."""
+    flown = replace(_READY, in_air=True, mode=mode, intended_mode=mode)
+    assert readiness_problems(flown, _LIMITS) == [f"the vehicle is flown in mode {mode}; put it into hold first"]
+    asked = replace(_READY, in_air=True, intended_mode=mode)
+    assert readiness_problems(asked, _LIMITS) == [
+        f"the vehicle holds, but was asked for {mode} and may go back to it: choose Hold at the ground station"
+    ]

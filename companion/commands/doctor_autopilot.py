@@ -1,0 +1,64 @@
+"""`companion doctor autopilot`: which vehicle there is, and whether its parameters are what `engage` wants."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+
+from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.autopilot.port import AutopilotError
+from companion.config.schema import AutopilotConfig, Config
+from companion.core.clock import MonotonicClock
+from companion.errors import ConfigError
+from companion.flight.status import vehicle_name
+from companion.radio.checks import Check
+from companion.safety.preflight import Heights, parameter_problems, required_parameters
+
+_VERSION_S = 3.0
+_LOOK_S = 0.05
+
+
+async def autopilot_checks(config: Config, seconds: float) -> list[Check]:
+    """Commands nothing. Raises ConfigError where the configuration has no autopilot."""
+    if config.autopilot is None:
+        raise ConfigError(f"role {config.role}: there is no autopilot to look at")
+    try:
+        async with _connected(config.autopilot, seconds) as edge:
+            vehicle = Check("vehicle", True, vehicle_name(edge.state()))
+            return [vehicle, *await _parameters(config, config.autopilot.gps, edge)]
+    except AutopilotError as error:
+        taken = "is the service running? companion status names its vehicle" if "taken" in str(error) else ""
+        return [Check("vehicle", False, str(error), taken)]
+
+
+@contextlib.asynccontextmanager
+async def _connected(config: AutopilotConfig, seconds: float) -> AsyncIterator[MavsdkAutopilot]:
+    """With the firmware's version, where the vehicle tells it."""
+    edge = MavsdkAutopilot(config.url, MonotonicClock(), system_id=config.system_id)
+    await edge.connect(seconds)
+    watch = asyncio.create_task(edge.watch())
+    try:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_VERSION_S):
+                while not edge.state().firmware:  # noqa: ASYNC110 - it is polled
+                    await asyncio.sleep(_LOOK_S)
+        yield edge
+    finally:
+        watch.cancel()
+        await edge.aclose()
+
+
+async def _parameters(config: Config, gps: bool, edge: MavsdkAutopilot) -> list[Check]:
+    values: dict[str, float | str] = {}
+    for requirement in required_parameters(gps):
+        try:
+            values[requirement.name] = await edge.parameter(requirement.name)
+        except AutopilotError as error:
+            values[requirement.name] = str(error)
+    problems = list(
+        parameter_problems(values, gps, Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2]))
+    )
+    if not problems:
+        return [Check("parameters", True, f"all {len(values)} are as engage wants them")]
+    return [Check("parameter", False, problem) for problem in problems]
