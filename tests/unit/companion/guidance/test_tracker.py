@@ -110,7 +110,7 @@ def test_another_path_that_is_seen_each_time_stays_a_rival() -> None:
         dx, dy, dz = image - place
         peak = Peak(math.atan2(dy, dx), math.acos(dz / math.dist(image, place)), 0.3, 0.9)
         found = tracker.add(replace(bearing_to(robot, place, 3 * y), others=(peak,), reliability=0.0))
-    np.testing.assert_allclose(found.origin_local_enu_m[:2], robot[:2], atol=1.5)
+    assert found.azimuth_rad == pytest.approx(math.atan2(2.0 - 5.0, 8.0), abs=0.1)
     assert found.probability < 0.97
     assert any(math.dist(rival.origin_local_enu_m[:2], image[:2]) < 3.0 for rival in found.rivals)
 
