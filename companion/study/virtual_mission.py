@@ -275,7 +275,7 @@ class _World:
             for robot, lever in ((uav, _LEVER_M), (beacon, _BEACON_LEVER_M))
         )
         self._truth.append((t_s, u, b))
-        self._drive.watch(t_s, math.dist(u, b))
+        self._drive.watch(t_s, math.dist(u, b), math.hypot(u[0], u[1]))
         if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
             self._moving_from_s = t_s
 

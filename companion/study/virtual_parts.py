@@ -155,10 +155,11 @@ class CameraFeed:
     malformed = 0
     resets = 0
 
-    def __init__(self, scenario: Scenario, index: int) -> None:
+    def __init__(self, scenario: Scenario, index: int, north_yaw_rad: float = 0.0) -> None:
+        """`north_yaw_rad` is what the robot takes its camera's `frame_yaw_rad` for."""
         robot = (scenario.uav, scenario.beacon)[index]
         self._camera = Camera(scenario.vio, scenario.seed, index, robot.frame_yaw_rad)
-        self.align(robot.frame_yaw_rad)
+        self.align(north_yaw_rad)
         self._period_s = 1 / scenario.vio.rate_hz
         # The other robot's clock is its own.
         self._offset_ns = round(robot.clock_offset_s * NS_PER_S)

@@ -227,7 +227,7 @@ def test_detection_delay_tilts_the_phase_over_the_subcarriers() -> None:
 def test_a_reflector_adds_the_mirror_image() -> None:
     tx_m, rx_m = np.array([[0.0, 0.0, 1.5]]), np.array([[[7.0, 2.0, 0.5]]])
     ground = Reflector((0.0, 0.0, 1.0), 0.0, 0.3, 3.1)
-    (found,) = propagate(tx_m, rx_m, 108, 0.5, [ground])[0, 14:15, 0]
+    (found,) = propagate(tx_m, rx_m, RadioScenario(direct_gain=0.5, reflectors=(ground,)))[0, 14:15, 0]
     frequency_hz = 5.54e9 - 312_500.0
     expected = 0.0
     for gain, up_m in ((0.5, 1.5), (0.3 * np.exp(3.1j), -1.5)):
