@@ -111,4 +111,4 @@ def _scattered(tx_enu_m: Array, rx_enu_m: Array, scatterers: Sequence[Scatterer]
 def _apart_m(a_m: Array, b_m: Array) -> Array:
     """Distances (...) of points (..., 3)."""
     apart_m = a_m - b_m
-    return np.sqrt(np.einsum("...x,...x->...", apart_m, apart_m))
+    return np.asarray(np.sqrt(np.einsum("...x,...x->...", apart_m, apart_m)))

@@ -32,8 +32,9 @@ _HALL_BEYOND_M: Final = (6.0, 12.0)
 _HARD_GAIN: Final = (0.3, 0.6)
 _HARD_BEYOND_M: Final = (2.0, 6.0)
 _SCATTERERS: Final = 12
-_CROSS_SECTION_M2: Final = (0.3, 10.0)
-"""From a chair to a steel cabinet."""
+_LEAST_M2: Final = 0.3
+_MOST_M2: Final = 10.0
+"""Radar cross sections, from a chair's to a steel cabinet's."""
 _AROUND_M: Final = 3.0
 _CLEAR_M: Final = 1.0
 """Nothing stands nearer than this to where a robot starts."""
@@ -185,7 +186,7 @@ def _scatterers(rng: np.random.Generator, places_m: Array, room: RadioScenario) 
     found: list[Scatterer] = []
     while len(found) < _SCATTERERS:
         x, y, z = rng.uniform(low, high).tolist()
-        cross_section_m2 = math.exp(rng.uniform(*map(math.log, _CROSS_SECTION_M2)))
+        cross_section_m2 = math.exp(rng.uniform(math.log(_LEAST_M2), math.log(_MOST_M2)))
         is_clear = np.hypot(*(places_m[:, :2] - (x, y)).T).min() > _CLEAR_M
         if is_clear and not is_outside(room, (x, y, z)):
             found.append(Scatterer((x, y, z), cross_section_m2, rng.uniform(-math.pi, math.pi)))

@@ -56,7 +56,7 @@ CASES = [Case(60 + i) for i in range(25)]
 
 @cache
 def wanted() -> list[list[float]]:
-    return ProcessRunner(1).run(trial, CASES, SEED, lambda done: None)
+    return ProcessRunner(1).run(trial, CASES, SEED, lambda first, rows: None)
 
 
 @contextmanager
@@ -124,21 +124,21 @@ def runner(request: pytest.FixtureRequest) -> TrialRunner:
 
 
 def test_same_seed_same_numbers_in_order_whatever_runs_them(runner: TrialRunner) -> None:
-    done: list[int] = []
-    rows = runner.run(trial, CASES, SEED, done.append)
+    done: dict[int, list[list[float]]] = {}
+    rows = runner.run(trial, CASES, SEED, done.__setitem__)
     assert rows == wanted()  # to the last bit
-    assert sum(done) == len(CASES)
+    assert [row for first in sorted(done) for row in done[first]] == rows
     assert len(done) > 1
-    assert rows != runner.run(trial, CASES, SEED + 1, done.append)
+    assert rows != runner.run(trial, CASES, SEED + 1, lambda first, rows: None)
 
 
 def test_no_trials_are_no_rows(runner: TrialRunner) -> None:
-    assert runner.run(trial, [], SEED, lambda done: None) == []
+    assert runner.run(trial, [], SEED, lambda first, rows: None) == []
 
 
 def test_a_failing_trial_is_named(runner: TrialRunner) -> None:
     with pytest.raises(TrialError, match=r"trial 3 \(seed 7\): ValueError: thirteen"):
-        runner.run(failing, [Case(10 + i) for i in range(20)], SEED, lambda done: None)
+        runner.run(failing, [Case(10 + i) for i in range(20)], SEED, lambda first, rows: None)
 
 
 def test_streams_are_the_children_of_the_seed_however_they_are_cut() -> None:
@@ -158,7 +158,7 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
     with dask_processes(2) as (address, pids), _connected(address, 2) as runner:
         killed: list[int] = []
 
-        def kill_one(done: int) -> None:
+        def kill_one(first: int, done: list[list[float]]) -> None:
             if not killed and all((tmp_path / str(pid)).exists() for pid in pids):
                 os.kill(pids[0], signal.SIGKILL)
                 killed.append(pids[0])
@@ -171,7 +171,7 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
 
 def test_a_dead_process_of_the_pool_is_reported() -> None:
     with pytest.raises(TrialError, match="a worker process died"):
-        ProcessRunner(2).run(_suicide, CASES, SEED, lambda done: None)
+        ProcessRunner(2).run(_suicide, CASES, SEED, lambda first, rows: None)
 
 
 def _suicide(case: Case, seed: SeedSequence) -> float:
@@ -181,7 +181,7 @@ def _suicide(case: Case, seed: SeedSequence) -> float:
 
 def test_local_cluster_of_our_own() -> None:
     with DaskRunner("local:1") as runner:
-        assert runner.run(trial, CASES[:4], SEED, lambda done: None) == wanted()[:4]
+        assert runner.run(trial, CASES[:4], SEED, lambda first, rows: None) == wanted()[:4]
 
 
 @pytest.mark.parametrize("address", ["local:x", "local:0", "nonsense://?"])
