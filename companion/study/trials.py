@@ -20,7 +20,7 @@ S = TypeVar("S")
 R = TypeVar("R")
 
 _BATCHES_A_WORKER = 12
-_LARGEST_BATCH = 8
+_LARGEST_BATCH = 4
 """Small enough that a slow batch at the end holds nothing up for long, the progress bar moves, and a run that ends
 early loses little."""
 
