@@ -15,6 +15,7 @@ from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
+from companion.sim.scenes import SCENES
 
 _PIPE_WIDTH = 140
 
@@ -31,9 +32,12 @@ _PIPE_WIDTH = 140
     show_default=True,
     help="Directory for the log, the pictures and the logs of the processes.",
 )
+@click.option(
+    "--scene", type=click.Choice(SCENES), help="A named room and what happens in it.  [default: a plain room]"
+)
 @click.option("--gps", is_flag=True, help="The vehicle has GPS; without this it flies by the service's poses.")
 @click.option("--json", "json_path", type=click.Path(dir_okay=False, path_type=Path), help="Write the result here.")
-def demo(seed: int, max_time: float, out: Path, gps: bool, json_path: Path | None) -> None:
+def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, json_path: Path | None) -> None:
     """A drone finds a ground robot: real MAVLink, UDP, netlink and processes; simulated card, camera and vehicle.
 
     Exit code 0 only when the drone came within 2 m of the robot.
@@ -46,7 +50,7 @@ def demo(seed: int, max_time: float, out: Path, gps: bool, json_path: Path | Non
     console = wide_console(_PIPE_WIDTH)
     with LiveTable(console) as table:
         try:
-            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps))
+            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps, scene))
         except asyncio.CancelledError:
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)

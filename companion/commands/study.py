@@ -17,19 +17,23 @@ from rich.table import Table
 from companion.commands.output_files import check_writable, writing
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
-from companion.study.catalogue import MODULES
+from companion.sim.scenes import SCENES, scene_names
+from companion.study.catalogue import MODULES, RENDEZVOUS
 from companion.study.catalogue import study as load_study
+from companion.study.kept import KeptRows
 from companion.study.local import ProcessRunner
-from companion.study.report import draw, shown, write_json, write_page
+from companion.study.report import draw, shown, shown_ours, write_json, write_page
 from companion.study.study import Outcome, Settings, Study
 from companion.study.trials import RunnerError, TrialError, TrialRunner
 
 ALL = "all"
+_SCENES = f"Scenes of rendezvous, with commas between: {', '.join(SCENES)}.  [default: all]"
 _PAGE = "report.html"
 _PIPE_COLUMNS = 140
 _path = click.Path(path_type=Path)
 _TRIALS = (
-    "Trials a condition; of rendezvous missions in all, of vio runs, and crb has nothing random to repeat.  "
+    "Trials a condition; of rendezvous missions in all, shared out to its scenes in turn, of vio runs, and crb has "
+    "nothing random to repeat.  "
     "[default: the study's own]"
 )
 
@@ -40,8 +44,15 @@ _TRIALS = (
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Same seed, same numbers.")
 @click.option("--json", "json_path", type=_path, help="Write findings and rows; of `all` a list.")
 @click.option(
-    "--out", type=_path, default=Path("study-out"), show_default=True, help="Folder for pictures and the page of `all`."
+    "--out",
+    type=_path,
+    default=Path("study-out"),
+    show_default=True,
+    help="Folder for pictures and the page of `all`, and for finished missions of rendezvous: a run that was cut short "
+    "goes on from there.",
 )
+@click.option("--scenes", metavar="NAMES", help=_SCENES)
+@click.option("--markdown", type=_path, help="Write the table of rendezvous as a page of Markdown.")
 @click.option("--cluster", metavar="ADDRESS", help="Run on Dask: tcp://HOST:PORT of a scheduler, or local:N.")
 @click.option(
     "--jobs", type=click.IntRange(min=1), default=lambda: os.cpu_count() or 1, help="Processes.  [default: all cores]"
@@ -59,6 +70,8 @@ def study(
     seed: int,
     json_path: Path | None,
     out: Path,
+    scenes: str | None,
+    markdown: Path | None,
     cluster: str | None,
     jobs: int,
     data: Path,
@@ -70,19 +83,23 @@ def study(
     console = wide_console(_PIPE_COLUMNS)
     # A study may take an hour: what would lose its results is said before.
     check_writable(json_path, out)
-    done = _Done(name, out, json_path)
+    check_writable(markdown, out)
+    named = _named(scenes)
+    if (named or markdown) and name not in (RENDEZVOUS, ALL):
+        raise click.UsageError(f"--scenes and --markdown are for the study {RENDEZVOUS}, not for {name}")
+    done = _Done(name, out, json_path, markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
     with _runner(cluster, jobs) as runner:
         for each in studies:
             try:
-                specs = each.plan(Settings(each.default_trials if trials is None else trials, data.resolve()))
+                specs = each.plan(Settings(each.default_trials if trials is None else trials, data.resolve(), named))
             except CompanionError as error:
                 if name != ALL:
                     raise
                 done.leave_out(each, f"left out: {error}", console)
                 continue
             try:
-                outcome = _run(each, specs, seed, runner)
+                outcome = _run(each, specs, seed, runner, out)
             except (TrialError, RunnerError) as error:
                 if name != ALL:
                     raise
@@ -103,6 +120,7 @@ class _Done:
     name: str
     out: Path
     json_path: Path | None
+    markdown: Path | None
     outcomes: list[Outcome] = field(default_factory=list)
     pictures: dict[str, Path] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
@@ -119,6 +137,10 @@ class _Done:
             draw(picture, study, outcome)
         self.outcomes.append(outcome)
         self.pictures[study.name] = picture
+        if self.markdown is not None and study.table is not None:
+            with writing(self.markdown):
+                self.markdown.parent.mkdir(parents=True, exist_ok=True)
+                self.markdown.write_text(study.table(outcome), encoding="utf-8")
         self._write()
 
     def finish(self, console: Console) -> None:
@@ -153,12 +175,18 @@ def _runner(cluster: str | None, jobs: int) -> Any:
     return DaskRunner(cluster)
 
 
-def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner) -> Outcome:
+def _named(scenes: str | None) -> tuple[str, ...]:
+    """Raises ConfigError for one that is unknown."""
+    return () if scenes is None else scene_names([name.strip() for name in scenes.split(",")])
+
+
+def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, out: Path) -> Outcome:
     start = time.monotonic()
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(study.name, total=len(specs))
-        rows = runner.run(study.trial, specs, seed, lambda done: progress.advance(task, done))
+    if study.row is None:
+        rows = _rows(study, specs, seed, runner, None)
+    else:
+        with KeptRows[Any, Any](out, study.name, seed, study.row) as kept:
+            rows = _rows(study, specs, seed, runner, kept)
     summary = study.summarise(rows)
     if not summary.findings:
         raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
@@ -172,8 +200,27 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialR
         elapsed_s=elapsed_s,
         findings=summary.findings,
         notes=summary.notes,
+        scenes=summary.scenes,
         rows=rows,
     )
+
+
+def _rows(
+    study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, kept: KeptRows[Any, Any] | None
+) -> list[Any]:
+    """Of all specifications, in order; those that are kept are not run again."""
+    todo = [spec for spec in specs if kept is None or kept.row(spec) is None]
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(study.name, total=len(specs), completed=len(specs) - len(todo))
+
+        def done(first: int, rows: list[Any]) -> None:
+            progress.advance(task, len(rows))
+            if kept is not None:
+                kept.add(todo[first : first + len(rows)], rows)
+
+        rows = runner.run(study.trial, todo, seed, done)
+    return rows if kept is None else [kept.row(spec) for spec in specs]
 
 
 def _print(outcome: Outcome, runner: TrialRunner, console: Console) -> None:
@@ -193,5 +240,5 @@ def _findings_table(outcome: Outcome) -> Table:
     for heading in ("ours", "paper"):
         table.add_column(heading, justify="right")
     for finding in outcome.findings:
-        table.add_row(finding.quantity, shown(finding.ours, finding.unit), shown(finding.paper, finding.unit))
+        table.add_row(finding.quantity, shown_ours(finding), shown(finding.paper, finding.unit))
     return table

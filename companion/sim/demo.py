@@ -61,10 +61,15 @@ class DemoRun:
 
 
 async def run_demo(
-    seed: int, out: Path, max_time_s: float, on_watch: Callable[[Watch], None], gps: bool = False
+    seed: int,
+    out: Path,
+    max_time_s: float,
+    on_watch: Callable[[Watch], None],
+    gps: bool = False,
+    scene: str | None = None,
 ) -> DemoRun:
     """One rendezvous with everything real but the hardware; without `gps` the vehicle flies by the service's poses.
-    `out` is an existing directory.
+    `out` is an existing directory, `scene` as in `set_stage`.
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
@@ -72,7 +77,7 @@ async def run_demo(
     for old in (*logs, *(out / name for name in _PICTURES)):
         old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = set_stage(Path(name), out, seed, gps=gps)
+        stage = set_stage(Path(name), out, seed, gps=gps, scene=scene)
         with bind_datagram_socket(stage.truth_socket) as truth_socket:
             try:
                 async with Cast(stage, out) as cast:

@@ -94,7 +94,7 @@ class World:
         ends = (r.antennas_at(at, levers)[0, 0] for r, levers in zip((uav, beacon), self._levers_m, strict=True))
         (ux, uy, uz), (bx, by, bz) = (end.tolist() for end in ends)
         distance_m = math.dist((ux, uy, uz), (bx, by, bz))
-        self._drive.watch(t_s, distance_m)
+        self._drive.watch(t_s, distance_m, math.hypot(ux, uy))
         return truth.WorldTruth(
             t_mono_ns=self._start_ns + round(t_s * 1e9),
             vehicle=self._newest,

@@ -129,9 +129,7 @@ class RadioLink:
         channel = propagate(
             np.concatenate([ends_m[0][0, :, 0], ends_m[1][1, :, 0]]),
             np.concatenate([ends_m[1][0], ends_m[0][1]]),
-            radio.channel,
-            radio.direct_gain,
-            radio.reflectors,
+            radio,
         )
         delay_s = radio.detection_delay_s + radio.detection_delay_std_s * draws.normals[:, 1:3].T
         turns = self._df_hz * np.array([[1.0], [-1.0]]) * t_s

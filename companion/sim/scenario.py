@@ -31,6 +31,15 @@ class Reflector:
 
 
 @dataclass(frozen=True, slots=True)
+class Scatterer:
+    """A finite thing that scatters alike in all directions, as one of this radar cross section does."""
+
+    p_enu_m: Vector3
+    cross_section_m2: Positive
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class RadioScenario:
     """The radio link. Defaults are like the real captures: see the design notes on each effect."""
 
@@ -48,6 +57,9 @@ class RadioScenario:
         Reflector(normal=(0.0, 0.0, 1.0), offset_m=0.0, gain=0.3, phase_rad=3.1),
         Reflector(normal=(0.0, 1.0, 0.0), offset_m=-22.0, gain=0.35, phase_rad=2.6),
     )
+    reflection_order: Annotated[int, Meta(ge=1, le=2)] = 1
+    """At 2 also the waves that two reflectors turn one after the other."""
+    scatterers: tuple[Scatterer, ...] = ()
     turnaround_s: Positive = 300e-6
     turnaround_jitter_s: NotNegative = 5e-6
     turnaround_outlier_s: NotNegative = 130e-6
@@ -128,6 +140,12 @@ class Scenario:
     drive_speed_m_s: NotNegative = 0.1
     drive_below_share: Fraction = 0.5
     """The beacon starts to drive when the distance has fallen below this share of start_distance_m."""
+    drive_after_m: Positive | None = None
+    """Where given, it starts as soon as the vehicle is so far, across the ground, from its own start."""
+    drive_straight_m: NotNegative | None = None
+    """Where given, the beacon's course is closed: so far straight on, half a circle to the left, back, half a circle.
+    Absent, it drives straight on without end."""
+    drive_turn_radius_m: Positive = 2.0
     lag_s: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.03
     """At a time T the vehicle stands where its autopilot said it was at T - lag_s: positions are then always
     interpolated, never extrapolated, and poses, packets and WorldTruth agree with each other exactly."""

@@ -21,6 +21,7 @@ from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
 from companion.host.child import die_with_parent
 from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
+from companion.sim.scenes import set_in
 from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
@@ -56,9 +57,12 @@ class Stage:
         return self.uav.path(self.uav.control_socket)
 
 
-def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True) -> Stage:
+def set_stage(
+    directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True, scene: str | None = None
+) -> Stage:
     """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
-    have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses."""
+    have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses. `scene` is one of
+    `companion.sim.scenes`, None the room of the scenario's defaults."""
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
     claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
@@ -77,6 +81,8 @@ def set_stage(directory: Path, out: Path, seed: int, use_netlink: bool = True, g
         _write_key(config.path(config.neighbours.key_file), own_key)
         _write_key(config.path(config.peers[0].key_file), peer_key)
     scenario = _scenario(uav, beacon, directory, seed)
+    if scene is not None:
+        scenario = set_in(scenario, scene)
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
     return Stage(
         directory=directory,

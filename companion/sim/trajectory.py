@@ -91,41 +91,71 @@ class VehicleTrack:
 
 
 class BeaconDrive:
-    """The ground robot: stands still, then drives straight with a short ramp of its speed."""
+    """The ground robot: stands still, then drives with a short ramp of its speed, straight on or round a closed course
+    of two straights and two half circles to the left."""
 
     def __init__(self, scenario: Scenario) -> None:
         drawn = np.random.default_rng([scenario.seed, _BEACON_STREAM]).uniform(-math.pi, math.pi, 2)
         given = (scenario.beacon_azimuth_rad, scenario.drive_azimuth_rad)
         azimuth_rad, self.yaw_rad = (float(d) if g is None else g for g, d in zip(given, drawn, strict=True))
         self._start_m = scenario.start_distance_m * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad), 0.0])
-        self._heading = np.array([math.cos(self.yaw_rad), math.sin(self.yaw_rad), 0.0])
         self._speed_m_s = scenario.drive_speed_m_s
         self._go_below_m = scenario.start_distance_m * scenario.drive_below_share
+        self._go_after_m = scenario.drive_after_m
+        self._straight_m, self._radius_m = scenario.drive_straight_m, scenario.drive_turn_radius_m
         self._go_s: float | None = None
 
-    def watch(self, t_s: float, distance_m: float) -> None:
-        """Starts the drive at t_s once the distance is below its share; later calls change nothing."""
-        if self._go_s is None and distance_m < self._go_below_m:
+    def watch(self, t_s: float, distance_m: float, flown_m: float = 0.0) -> None:
+        """Starts the drive at t_s once the distance is below its share, or, where the scenario says so, the vehicle is
+        `flown_m` across the ground from its start; later calls change nothing."""
+        goes = distance_m < self._go_below_m if self._go_after_m is None else flown_m > self._go_after_m
+        if self._go_s is None and goes:
             self._go_s = t_s
 
     def trajectory(self, from_s: float, until_s: float) -> Trajectory:
         """Samples at most 10 ms apart that cover [from_s, until_s]."""
         steps = max(1, math.ceil((until_s - from_s) / _STEP_S))
-        t_s = [from_s + (until_s - from_s) * step / steps for step in range(steps + 1)]
-        way_m = np.array([self._way_and_speed(t)[0] for t in t_s])
-        return Trajectory(
-            np.array(t_s), self._start_m + way_m[:, None] * self._heading, np.array([self.yaw_rad] * len(t_s))
-        )
+        t_s = from_s + (until_s - from_s) * np.arange(steps + 1) / steps
+        return Trajectory(t_s, *self._course(self._way_and_speed(t_s)[0]))
 
     def velocity(self, t_s: float) -> Vector3:
-        east, north, _ = self._way_and_speed(t_s)[1] * self._heading
-        return (float(east), float(north), 0.0)
+        way_m, speed_m_s = self._way_and_speed(np.array([t_s]))
+        yaw_rad, speed = float(self._course(way_m)[1][0]), float(speed_m_s[0])
+        return (speed * math.cos(yaw_rad), speed * math.sin(yaw_rad), 0.0)
 
-    def _way_and_speed(self, t_s: float) -> tuple[float, float]:
-        if self._go_s is None or t_s <= self._go_s:
-            return 0.0, 0.0
-        driven_s = t_s - self._go_s
-        ramp_s = self._speed_m_s / _RAMP_M_S2
-        if driven_s < ramp_s:
-            return 0.5 * _RAMP_M_S2 * driven_s**2, _RAMP_M_S2 * driven_s
-        return self._speed_m_s * (driven_s - 0.5 * ramp_s), self._speed_m_s
+    def places_m(self) -> Array:
+        """Corners (K, 3) of where it ever is: of the start alone where the drive has no end."""
+        if self._straight_m is None or not self._speed_m_s:
+            return self._start_m[None]
+        radius_m = self._radius_m
+        ahead, left = np.meshgrid([-radius_m, self._straight_m + radius_m], [0.0, 2 * radius_m])
+        return self._placed(ahead.ravel(), left.ravel())
+
+    def _course(self, way_m: Array) -> tuple[Array, Array]:
+        """Places (N, 3) and headings (N,) after ways (N,)."""
+        if self._straight_m is None:
+            return self._placed(way_m, np.zeros_like(way_m)), np.full(len(way_m), self.yaw_rad)
+        straight_m, radius_m = self._straight_m, self._radius_m
+        half_m = straight_m + math.pi * radius_m
+        halves, rest_m = np.divmod(way_m, half_m)
+        turned = np.maximum(rest_m - straight_m, 0.0) / radius_m
+        ahead = np.minimum(rest_m, straight_m) + radius_m * np.sin(turned)
+        left = radius_m * (1 - np.cos(turned))
+        back = halves % 2 == 1
+        places_m = self._placed(np.where(back, straight_m - ahead, ahead), np.where(back, 2 * radius_m - left, left))
+        return places_m, self.yaw_rad + math.pi * halves + turned
+
+    def _placed(self, ahead_m: Array, left_m: Array) -> Array:
+        """Places (N, 3), so far ahead and to the left of the start."""
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        across_m = [cos * ahead_m - sin * left_m, sin * ahead_m + cos * left_m, np.zeros_like(ahead_m)]
+        return self._start_m + np.stack(across_m, axis=1)
+
+    def _way_and_speed(self, t_s: Array) -> tuple[Array, Array]:
+        """Ways driven (N,) and speeds (N,) at t_s (N,)."""
+        if self._go_s is None or not self._speed_m_s:
+            return np.zeros_like(t_s), np.zeros_like(t_s)
+        driven_s = np.maximum(t_s - self._go_s, 0.0)
+        ramp_s = np.minimum(driven_s, self._speed_m_s / _RAMP_M_S2)
+        speed_m_s = _RAMP_M_S2 * ramp_s
+        return 0.5 * speed_m_s * ramp_s + speed_m_s * (driven_s - ramp_s), speed_m_s

@@ -7,13 +7,14 @@ from typing import Any, Final
 
 from companion.study.study import Study
 
+RENDEZVOUS: Final = "rendezvous"
 MODULES: Final = {
     "crb": "crb_geometries",
     "geometry": "geometry_errors",
     "drift": "drift",
     "moving-ends": "moving_ends",
     "vio": "vio",
-    "rendezvous": "rendezvous",
+    RENDEZVOUS: "rendezvous",
     "packets": "packets",
 }
 

@@ -70,7 +70,7 @@ class DaskRunner:
         trial: Callable[[S, SeedSequence], R],
         specs: Sequence[S],
         seed: int,
-        on_done: Callable[[int], None],
+        on_done: Callable[[int, list[R]], None],
     ) -> list[R]:
         """As `TrialRunner.run`."""
         distributed = self._distributed
@@ -81,7 +81,7 @@ class DaskRunner:
             for future in distributed.as_completed(futures):
                 batch = futures[future]
                 rows[batch.first] = future.result()
-                on_done(len(batch.specs))
+                on_done(batch.first, rows[batch.first])
         except distributed.KilledWorker as error:
             raise TrialError(f"workers died again and again over the same trials: {error}") from None
         except (OSError, distributed.CancelledError) as error:

@@ -6,7 +6,6 @@ clock offsets, noise and int8 reports. The antenna sits on the path itself, so n
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,12 +13,12 @@ import numpy.typing as npt
 from numpy.random import SeedSequence
 
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
-from companion.sim.scenario import CsiEndpoint, RadioScenario, Reflector, RobotScenario, Scenario
+from companion.sim.scenario import CsiEndpoint, RadioScenario, RobotScenario, Scenario
+from companion.sim.scenes import hall
 from companion.sim.trajectory import Trajectory
 from csi_bridge.records import CsiRecord
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import centre_channel, pair_by_counter, wavelength_m
-from wsr.geometry import direction
 
 Array = npt.NDArray[np.float64]
 
@@ -61,26 +60,12 @@ class Heard:
 def room(
     rng: np.random.Generator, ends_m: npt.ArrayLike, radio: RadioScenario | None = None, occluded: bool = False
 ) -> RadioScenario:
-    """A hall around both robots, whose places are `ends_m` (N, 3): a floor, and two walls at right angles 6 to 12 m
-    beyond the robot that is nearest to each, of random gain 0.1 to 0.3 and phase. (A wall between the two would mirror
-    one of them to the near side, with a shorter way than the direct one.)
+    """A hall around both robots, whose places are `ends_m` (N, 3).
 
     Occluded: something takes 10 dB off the direct path, the walls reflect as before.
     """
-    azimuth = rng.uniform(-math.pi, math.pi)
-    normals = [direction(azimuth + turn, math.pi / 2) for turn in (0.0, math.pi / 2)]
-    walls = [
-        Reflector(
-            (float(normal[0]), float(normal[1]), 0.0),
-            float(np.max(np.asarray(ends_m) @ normal)) + rng.uniform(6.0, 12.0),
-            rng.uniform(0.1, 0.3),
-            rng.uniform(-math.pi, math.pi),
-        )
-        for normal in normals
-    ]
-    floor = Reflector((0.0, 0.0, 1.0), 0.0, rng.uniform(0.1, 0.3), rng.uniform(-math.pi, math.pi))
     base = RadioScenario() if radio is None else radio
-    return replace(base, reflectors=(floor, *walls), direct_gain=0.32 if occluded else 1.0)
+    return replace(base, reflectors=hall(rng, ends_m).reflectors, direct_gain=0.32 if occluded else 1.0)
 
 
 def scenario(seed: SeedSequence, radio: RadioScenario) -> Scenario:

@@ -32,7 +32,7 @@ class ProcessRunner:
         trial: Callable[[S, SeedSequence], R],
         specs: Sequence[S],
         seed: int,
-        on_done: Callable[[int], None],
+        on_done: Callable[[int, list[R]], None],
     ) -> list[R]:
         """As `TrialRunner.run`."""
         todo = list(batches(specs, seed, self.jobs))
@@ -44,7 +44,7 @@ class ProcessRunner:
                 for future in as_completed(futures):
                     batch = futures[future]
                     rows[batch.first] = future.result()
-                    on_done(len(batch.specs))
+                    on_done(batch.first, rows[batch.first])
             except BrokenProcessPool:
                 raise TrialError("a worker process died; out of memory?") from None
             except BaseException:

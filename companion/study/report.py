@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from companion.host.whole_file import write_whole
-from companion.study.study import Outcome, Study, Value
+from companion.study.study import Finding, Outcome, Study, Value
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222 }
@@ -31,6 +31,12 @@ def shown(value: Value, unit: str) -> str:
         return "infinite"
     digits = f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
     return f"{digits}{'°' if unit == 'deg' else f' {unit}' if unit else ''}"
+
+
+def shown_ours(finding: Finding) -> str:
+    """With its interval, where there is one."""
+    text = shown(finding.ours, finding.unit)
+    return text if finding.interval is None else "{} ({:.3g}-{:.3g})".format(text, *finding.interval)
 
 
 def write_json(path: Path, content: Outcome | Sequence[Outcome]) -> None:
@@ -75,9 +81,8 @@ def _section(outcome: Outcome, picture: Path | None) -> list[str]:
     ]
     parts.append("<table><tr><th>quantity</th><th>ours</th><th>paper</th></tr>")
     for finding in outcome.findings:
-        cells = "".join(
-            f"<td class='n'>{html.escape(shown(v, finding.unit))}</td>" for v in (finding.ours, finding.paper)
-        )
+        texts = shown_ours(finding), shown(finding.paper, finding.unit)
+        cells = "".join(f"<td class='n'>{html.escape(text)}</td>" for text in texts)
         parts.append(f"<tr><td>{html.escape(finding.quantity)}</td>{cells}</tr>")
     parts.append("</table>")
     parts += [f"<p class='note'>{html.escape(note)}</p>" for note in outcome.notes]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -26,6 +26,8 @@ class Finding:
     ours: Value
     paper: Value = None
     unit: str = ""
+    interval: tuple[float, float] | None = None
+    """Of 95 %, where ours is a share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,19 +36,27 @@ class Summary:
 
     findings: list[Finding]
     notes: list[str]
+    scenes: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    """Figures of each scene by name, for programs; empty where a study has none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a plan may depend on: how many trials a condition has, and where real recordings are."""
+    """What a plan may depend on: how many trials a condition has, where real recordings are, and which scenes are asked
+    for; none means all."""
 
     trials: int
     data: Path
+    scenes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Study(Generic[S, R]):
-    """`figures` names the paper's labels. `trial` and the specifications must pickle: module-level, and plain data."""
+    """`figures` names the paper's labels. `trial` and the specifications must pickle: module-level, and plain data.
+
+    With `row`, the type of a row, finished trials are kept and another run goes on from them: then `trial` takes its
+    random stream from the specification and the seed's entropy, since its place in the plan may change.
+    """
 
     name: str
     title: str
@@ -57,6 +67,9 @@ class Study(Generic[S, R]):
     summarise: Callable[[Sequence[R]], Summary]
     draw: Callable[[Sequence[R], Figure], None]
     size_in: tuple[float, float] = (10.0, 4.6)
+    row: type[R] | None = None
+    table: Callable[[Outcome], str] | None = None
+    """The result as a page of Markdown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,4 +84,5 @@ class Outcome:
     elapsed_s: float
     findings: list[Finding]
     notes: list[str]
+    scenes: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     rows: list[Any]

@@ -20,7 +20,9 @@ S = TypeVar("S")
 R = TypeVar("R")
 
 _BATCHES_A_WORKER = 12
-"""Enough that a slow batch at the end holds nothing up for long, and the progress bar moves."""
+_LARGEST_BATCH = 4
+"""Small enough that a slow batch at the end holds nothing up for long, the progress bar moves, and a run that ends
+early loses little."""
 
 
 class TrialError(CompanionError):
@@ -41,8 +43,8 @@ class Batch(Generic[S]):
 
 
 class TrialRunner(Protocol):
-    """Carries out trials. `run` returns their rows in the order of the specifications, and calls `on_done` with the
-    number of trials each time some have ended. Raises TrialError and RunnerError."""
+    """Carries out trials. `run` returns their rows in the order of the specifications, and calls `on_done` each time
+    some have ended, with the number of the first of them and their rows. Raises TrialError and RunnerError."""
 
     @property
     def name(self) -> str: ...
@@ -52,7 +54,7 @@ class TrialRunner(Protocol):
         trial: Callable[[S, SeedSequence], R],
         specs: Sequence[S],
         seed: int,
-        on_done: Callable[[int], None],
+        on_done: Callable[[int, list[R]], None],
     ) -> list[R]: ...
 
 
@@ -63,7 +65,7 @@ def trial_seed(seed: int, index: int) -> SeedSequence:
 
 def batches(specs: Sequence[S], seed: int, workers: int) -> Iterator[Batch[S]]:
     """All trials in order; how they are cut does not show in the results."""
-    size = max(1, math.ceil(len(specs) / (workers * _BATCHES_A_WORKER)))
+    size = min(_LARGEST_BATCH, max(1, math.ceil(len(specs) / (workers * _BATCHES_A_WORKER))))
     for first in range(0, len(specs), size):
         yield Batch(first, tuple(specs[first : first + size]), seed)
 

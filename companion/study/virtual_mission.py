@@ -23,6 +23,7 @@ from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Vector3
 from companion.flight.loop import Flight
+from companion.guidance.tracker import Target
 from companion.mission.table import State
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
@@ -34,6 +35,7 @@ from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import Iteration
 from companion.sensing.window import SarWindow
 from companion.sim.scenario import Scenario
+from companion.sim.scenes import is_outside
 from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
 from companion.study.virtual_clock import VirtualClock
 from companion.study.virtual_parts import (
@@ -56,8 +58,8 @@ _KEY = bytes(wire.MIN_KEY_BYTES)
 _BOOT_ID = 1
 _START_NS = 5 * NS_PER_S  # apertures and cameras want some past
 _BATCH_S = 0.2
-_LEVER_M: Vector3 = (0.06, 0.03, -0.05)
-_BEACON_LEVER_M: Vector3 = (0.0, 0.0, 0.5)
+LEVER_M: Vector3 = (0.06, 0.03, -0.05)
+BEACON_LEVER_M: Vector3 = (0.0, 0.0, 0.5)
 _OVER = frozenset({State.IDLE, State.LATCHED, State.FAULT, State.LANDING, State.ARRIVED})
 
 logging.getLogger("companion.flight").addHandler(logging.NullHandler())
@@ -68,23 +70,29 @@ class MissionPoint:
     """One SAR iteration with the truth at its reference point and time; positions of the antennas."""
 
     iteration: Iteration
+    target: Target | None
+    """What it made of the target; None where it steered nothing."""
     uav_enu_m: Vector3
     beacon_enu_m: Vector3
     is_beacon_moving: bool
+    time_s: float
+    """Of the reference point, from engaging."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionResult:
-    reached: bool
-    """The antennas came within 2 m."""
+    """Times are from engaging. `end` is the state in which the mission ended, or was in when its time was over."""
+
     time_s: float
-    """From engaging to that, or to the end."""
-    closest_m: float
-    """Until then."""
     end: str
-    points: list[MissionPoint]
+    closest_m: float
+    reached_s: float | None
+    """When the antennas were first within 2 m."""
     arrived_m: float | None
-    """Of a mission that is flown on: how far apart they were when the vehicle called itself arrived; None if never."""
+    """How far apart they were when the vehicle called itself arrived, which ends the mission; None if it never did."""
+    left_room: bool
+    """The vehicle flew through a wall, floor or ceiling, which a real one could not."""
+    points: list[MissionPoint]
 
 
 def config() -> Config:
@@ -97,7 +105,7 @@ def config() -> Config:
         csi=CsiConfig(channel=108, source="unix"),
         neighbours=NeighbourConfig(key_file="none"),
         peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
-        pose=PoseConfig(antenna_m=_LEVER_M),
+        pose=PoseConfig(antenna_m=LEVER_M),
         mission=MissionConfig(control="fly"),
         autopilot=AutopilotConfig("none"),
     )
@@ -107,20 +115,19 @@ def with_levers(scenario: Scenario) -> Scenario:
     """The scenario with the antennas of both robots off their cameras, as on the vehicles."""
     uav, beacon = (
         replace(robot, antennas_m=((x, y, z), (x, y + 0.06, z), (x, y - 0.06, z)))
-        for robot, (x, y, z) in ((scenario.uav, _LEVER_M), (scenario.beacon, _BEACON_LEVER_M))
+        for robot, (x, y, z) in ((scenario.uav, LEVER_M), (scenario.beacon, BEACON_LEVER_M))
     )
     return replace(scenario, uav=uav, beacon=beacon)
 
 
-def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, flies_on: bool = False) -> MissionResult:
-    """The same arguments give the same mission. It ends within 2 m, or, if it `flies_on`, when the vehicle ends it; all
-    but `arrived_m` is the same with both."""
-    return asyncio.run(_fly(scenario, seed, max_time_s, flies_on))
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+    """Until the vehicle calls itself arrived, or ends the mission otherwise. The same arguments give the same one."""
+    return asyncio.run(_fly(scenario, seed, max_time_s))
 
 
-async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, flies_on: bool) -> MissionResult:
+async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
     clock = VirtualClock()
-    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s, flies_on)
+    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s)
     flying = asyncio.create_task(world.flight.run())
     await clock.run(world.live)
     ended_in = world.flight.state  # a flight that is cancelled leaves its state
@@ -131,26 +138,15 @@ async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, flies_
     return world.result(ended_in)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reached:
-    """When the robots were first within 2 m, and how much had been seen by then."""
-
-    now_ns: int
-    truths: int
-    iterations: int
-
-
 class _World:
     """Everything around the flight. Physics goes on in small steps, radio and cameras in batches."""
 
-    def __init__(
-        self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float, flies_on: bool
-    ) -> None:
+    def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
         settings = config()
         self._clock = clock
-        self._flies_on = flies_on
-        self._iterations: list[Iteration] = []
-        self._reached: _Reached | None = None
+        self._room = scenario.radio
+        self._iterations: list[tuple[Iteration, Target | None]] = []
+        self._target: Target | None = None
         self._end_ns = _START_NS + round(max_time_s * NS_PER_S)
         self._vehicle = Vehicle(gust_seed, settings.mission.takeoff_height_m, clock)
         self._track, self._drive = VehicleTrack(), BeaconDrive(scenario)
@@ -165,7 +161,7 @@ class _World:
         self._receiver = receiver
         self._sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, settings.neighbours.pose_rate_hz, _BOOT_ID)
         self._beacon = Beacon(self._sender)
-        self._cameras = (CameraFeed(scenario, 0), CameraFeed(scenario, 1))
+        self._cameras = (CameraFeed(scenario, 0, math.radians(settings.pose.north_yaw_deg)), CameraFeed(scenario, 1))
         self._worker = InlineWorker(settings.aperture.estimator, clock)
         self._intake = PoseIntake(settings.pose, clock, self._cameras[0], self._window.add_pose)
         event_clock, recorder = EventClock(clock), NullRecorder()
@@ -188,7 +184,7 @@ class _World:
             sar=self._sar,
             recorder=recorder,
         )
-        self._sar.iterations.connect(self._iterations.append, self.flight.knowledge.add_iteration)
+        self._sar.iterations.connect(self.flight.knowledge.add_iteration, self._note_iteration)
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
@@ -208,8 +204,6 @@ class _World:
             self._batch_s = self._step_s
         for result in self._worker.due(now_ns):
             self._sar.take_answer(result)
-        if self._reached is None and self._truth and math.dist(*self._truth[-1][1:]) <= RENDEZVOUS_M:
-            self._reached = _Reached(now_ns, len(self._truth), len(self._iterations))
         refused = self._engaging is None or (self._engaging.done() and self._engaging.result())
         if refused and now_ns >= _START_NS:
             self._engaging = asyncio.ensure_future(self.flight.wishes.engage())
@@ -217,29 +211,37 @@ class _World:
 
     def result(self, ended_in: State) -> MissionResult:
         apart = [math.dist(uav, beacon) for _, uav, beacon in self._truth]
-        until = self._reached or _Reached(self._clock.now_ns(), len(apart), len(self._iterations))
-        end = str(ended_in) if self._reached is None else "rendezvous"
-        arrived_m = apart[-1] if self._flies_on and ended_in is State.ARRIVED else None
+        near_s = [t for (t, _, _), apart_m in zip(self._truth, apart, strict=True) if apart_m <= RENDEZVOUS_M]
+        start_s = _START_NS / NS_PER_S
         return MissionResult(
-            self._reached is not None,
-            max(0.0, until.now_ns - _START_NS) / NS_PER_S,
-            min(apart[: until.truths], default=math.inf),
-            end,
-            [self._point(iteration) for iteration in self._iterations[: until.iterations]],
-            arrived_m,
+            time_s=max(0.0, self._clock.now_ns() / NS_PER_S - start_s),
+            end=str(ended_in),
+            closest_m=min(apart),
+            reached_s=near_s[0] - start_s if near_s else None,
+            arrived_m=apart[-1] if ended_in is State.ARRIVED else None,
+            left_room=any(is_outside(self._room, uav) for _, uav, _ in self._truth),
+            points=self._points(),
         )
 
+    def _note_iteration(self, iteration: Iteration) -> None:
+        """After the tracker has had it."""
+        before, self._target = self._target, self.flight.knowledge.targets.target
+        self._iterations.append((iteration, None if self._target is before else self._target))
+
     def _is_over(self, now_ns: int) -> bool:
-        if now_ns >= self._end_ns:
-            return True
-        if self._reached is not None and not self._flies_on:
-            return True
-        return now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER
+        over = now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER
+        if (over or now_ns >= self._end_ns) and self._step_s > self._batch_s:
+            self._note_truth(self._step_s, *self._trajectories(self._batch_s, self._step_s))
+        return over or now_ns >= self._end_ns
+
+    def _trajectories(self, from_s: float, until_s: float) -> tuple[Trajectory, Trajectory]:
+        """True ones of both robots; a little of the batch before, whose last exchanges are still to be made."""
+        since_s = max(0.0, from_s - _BATCH_S)
+        return self._track.trajectory(since_s, until_s), self._drive.trajectory(since_s, until_s)
 
     def _deliver(self, from_s: float, until_s: float) -> None:
         """Poses, packets and datagrams of one batch."""
-        uav = self._track.trajectory(from_s - _BATCH_S, until_s)
-        beacon = self._drive.trajectory(max(0.0, from_s - _BATCH_S), until_s)
+        uav, beacon = self._trajectories(from_s, until_s)
         self._note_truth(until_s, uav, beacon)
         for pose in self._cameras[0].poses(until_s, uav):
             self._intake.take(pose)
@@ -264,7 +266,7 @@ class _World:
         if not poses:
             return
         p_m, q_wxyz = np.array([p.p_enu_m for p in poses]), np.array([p.q_enu_from_body for p in poses])
-        for pose, antenna_m in zip(poses, antenna_positions(p_m, q_wxyz, _BEACON_LEVER_M), strict=True):
+        for pose, antenna_m in zip(poses, antenna_positions(p_m, q_wxyz, BEACON_LEVER_M), strict=True):
             if self._sender.wants_pose(pose.t_mono_ns):
                 self._sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
 
@@ -272,16 +274,21 @@ class _World:
         at = np.array([t_s])
         u, b = (
             tuple(robot.antennas_at(at, np.array([lever]))[0, 0].tolist())
-            for robot, lever in ((uav, _LEVER_M), (beacon, _BEACON_LEVER_M))
+            for robot, lever in ((uav, LEVER_M), (beacon, BEACON_LEVER_M))
         )
         self._truth.append((t_s, u, b))
-        self._drive.watch(t_s, math.dist(u, b))
+        self._drive.watch(t_s, math.dist(u, b), math.hypot(u[0], u[1]))
         if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
             self._moving_from_s = t_s
 
-    def _point(self, iteration: Iteration) -> MissionPoint:
-        t_s = iteration.reference_ns / NS_PER_S
-        times = [t for t, _, _ in self._truth]
-        ends = [np.array([row[i] for row in self._truth]) for i in (1, 2)]
-        uav, beacon = (tuple(float(np.interp(t_s, times, p[:, axis])) for axis in range(3)) for p in ends)
-        return MissionPoint(iteration, cast(Vector3, uav), cast(Vector3, beacon), t_s >= self._moving_from_s)
+    def _points(self) -> list[MissionPoint]:
+        times_s = np.array([t for t, _, _ in self._truth])
+        ends_m = [np.array([row[i] for row in self._truth]) for i in (1, 2)]
+        points = []
+        for iteration, target in self._iterations:
+            t_s = iteration.reference_ns / NS_PER_S
+            uav, beacon = (tuple(float(np.interp(t_s, times_s, p[:, axis])) for axis in range(3)) for p in ends_m)
+            moving = t_s >= self._moving_from_s
+            since_s = t_s - _START_NS / NS_PER_S
+            points.append(MissionPoint(iteration, target, cast(Vector3, uav), cast(Vector3, beacon), moving, since_s))
+        return points

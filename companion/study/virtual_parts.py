@@ -21,7 +21,7 @@ from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Trajectory
 from companion.sim.vio import Camera
 from companion.study.virtual_clock import VirtualClock
-from csi_bridge.records import SUBCARRIERS, CsiRecord
+from csi_bridge.records import CsiRecord
 from csi_bridge.scaling import total_rss_dbm
 from wsr.aperture import Aperture
 from wsr.estimators import ESTIMATORS
@@ -155,10 +155,11 @@ class CameraFeed:
     malformed = 0
     resets = 0
 
-    def __init__(self, scenario: Scenario, index: int) -> None:
+    def __init__(self, scenario: Scenario, index: int, north_yaw_rad: float = 0.0) -> None:
+        """`north_yaw_rad` is what the robot takes its camera's `frame_yaw_rad` for."""
         robot = (scenario.uav, scenario.beacon)[index]
         self._camera = Camera(scenario.vio, scenario.seed, index, robot.frame_yaw_rad)
-        self.align(robot.frame_yaw_rad)
+        self.align(north_yaw_rad)
         self._period_s = 1 / scenario.vio.rate_hz
         # The other robot's clock is its own.
         self._offset_ns = round(robot.clock_offset_s * NS_PER_S)
@@ -199,13 +200,11 @@ class RadioFeed:
 
 
 def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
-    """The same values as `companion.radio.card.Radio` gives, for all records at once."""
-    if not records:
-        return []
+    """The same values as `companion.radio.card.Radio` gives, of cards that hear with all their antennas."""
     samples = []
     for record in records:
-        csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
-        csi[:, list(record.antennas)] = record.csi[:, :, 0]
+        assert record.n_rx == ANTENNAS
+        csi = record.csi[:, :, 0]
         t_ns = (record.host_time_ns or 0) - DEFAULT_EPOCH_NS
         power_dbm = total_rss_dbm(record.rssi, record.agc)
         samples.append(ChannelSample(peer, record.frame_count, t_ns, record.timestamp_low_us, csi, power_dbm))

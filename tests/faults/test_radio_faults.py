@@ -136,7 +136,7 @@ async def _silenced(state: State) -> _Silenced:
     hold."""
     clock = VirtualClock()
     scene = replace(scenario(np.random.SeedSequence(3), RadioScenario(reflectors=())), start_distance_m=12.0)
-    world = _World(with_levers(scene), 3, clock, 120.0, flies_on=False)
+    world = _World(with_levers(scene), 3, clock, 120.0)
     in_state_ns = last_ns = stale_ns = holding_ns = 0
     held_m: list[Vector3] = []
 

@@ -50,7 +50,7 @@ def idle(source: str) -> Iterator[tuple[Place, Place]]:
 
 def is_same(source: str, diff: str) -> bool:
     """Whether what a mutant's unified diff makes of the source compiles to the same: 1 | 2 and 1 + 2 are both 3."""
-    return _compiled(source) == _compiled(_changed(source, diff))
+    return bool(_compiled(source) == _compiled(_changed(source, diff)))
 
 
 def _compiled(source: str) -> Any:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from numpy.random import SeedSequence
 
 from companion.cli import main
 from companion.study.catalogue import MODULES, study
+from companion.study.rendezvous_rows import MissionRow
 from tests.browser import visit
 
 
@@ -46,6 +49,42 @@ def test_command_without_recordings_says_so(
     assert "nowhere" in capsys.readouterr().err
     assert _command(monkeypatch, "nonsense") == 2
     assert _command(monkeypatch, "crb", "--cluster", "local:none", "--out", tmp_path) == 2
+    assert _command(monkeypatch, "crb", "--scenes", "hall", "--out", tmp_path) == 2
+    capsys.readouterr()
+    assert _command(monkeypatch, "rendezvous", "--scenes", "hall,hell", "--out", tmp_path) == 2
+    assert "'hell' is unknown; expected one of open, hall" in capsys.readouterr().err
+
+
+def test_a_run_that_was_cut_short_goes_on_and_writes_its_page(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    row = MissionRow(
+        scene="hall", number=0, time_s=50.0, straight_s=25.0, end="arrived", closest_m=1.0, reached_s=40.0,
+        arrived_m=1.0, left_room=False, steps=[],
+    )  # fmt: skip
+    flown: list[int] = []
+
+    class Runner:
+        name = "a test"
+
+        def run(self, trial: Any, specs: Sequence[Any], seed: int, on_done: Any) -> list[MissionRow]:
+            rows = [replace(row, number=spec.number, arrived_m=1.0 + spec.number) for spec in specs]
+            flown.append(len(rows))
+            on_done(0, rows)
+            return rows
+
+    monkeypatch.setattr("companion.commands.study.ProcessRunner", lambda jobs: Runner())
+    result, page = tmp_path / "result.json", tmp_path / "page.md"
+    for trials in ("2", "4"):
+        arguments = ("rendezvous", "--scenes", "hall", "--trials", trials, "--out", tmp_path / "out")
+        assert _command(monkeypatch, *arguments, "--json", result, "--markdown", page) == 0
+    assert flown == [2, 2]
+    content = json.loads(result.read_text())
+    assert [each["number"] for each in content["rows"]] == [0, 1, 2, 3]
+    hall = content["scenes"]["hall"]
+    assert (hall["missions"], hall["success"], hall["false_arrival"], hall["unsaid"]) == (4, 0.5, 0.25, 0.25)
+    assert hall["overhead"] == 2.0
+    assert "| hall | 4 | 50 (15-85) |" in page.read_text()
 
 
 def test_all_makes_one_page_and_goes_on_without_recordings(

@@ -103,16 +103,20 @@ def test_a_bearing_that_disagrees_is_outvoted() -> None:
     assert found.azimuth_rad == pytest.approx(math.pi / 2, abs=math.radians(10))
 
 
-def test_another_path_that_is_seen_each_time_stays_a_rival() -> None:
-    tracker, robot, image = TargetTracker(), np.array([8.0, 2.0, 0.5]), np.array([8.0, -8.0, 0.5])
+def test_two_sources_that_are_seen_in_turn_both_live_on() -> None:
+    """The strongest path is now the robot's and now an image's; the other is seen beside it."""
+    tracker, sources = TargetTracker(), (np.array([8.0, 2.0, 0.5]), np.array([8.0, -8.0, 0.5]))
     for y in range(6):
         place = np.array([0.0, float(y), 1.5])
-        dx, dy, dz = image - place
-        peak = Peak(math.atan2(dy, dx), math.acos(dz / math.dist(image, place)), 0.3, 0.9)
-        found = tracker.add(replace(bearing_to(robot, place, 3 * y), others=(peak,), reliability=0.0))
-    assert found.azimuth_rad == pytest.approx(math.atan2(2.0 - 5.0, 8.0), abs=0.1)
-    assert found.probability < 0.97
-    assert any(math.dist(rival.origin_local_enu_m[:2], image[:2]) < 3.0 for rival in found.rivals)
+        one, other = sources if y % 2 else sources[::-1]
+        dx, dy, dz = other - place
+        peak = Peak(math.atan2(dy, dx), math.acos(dz / math.dist(other, place)), 0.3, 0.9)
+        found = tracker.add(replace(bearing_to(one, place, 3 * y), others=(peak,), reliability=0.0))
+    assert found.probability < 0.9
+    places = [found.origin_local_enu_m, *(rival.origin_local_enu_m for rival in found.rivals)]
+    for source in sources:
+        angle = math.atan2(source[1] - 5.0, source[0])
+        assert any(abs(math.atan2(p[1] - 5.0, p[0]) - angle) < 0.2 for p in places)
 
 
 def test_packets_that_counted_before_do_not_count_again() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,3 +46,38 @@ def test_a_vehicle_track_is_cut_around_the_slot_and_unwraps_yaw() -> None:
     assert yaw_rad[0] == pytest.approx(3.315)
     assert track.newest_s == pytest.approx(0.99)
     assert track.trajectory(2.0, 2.1).at(np.array([2.05]))[0][0, 0] == pytest.approx(9.9)
+
+
+def _round(speed_m_s: float, straight_m: float, radius_m: float) -> BeaconDrive:
+    course = replace(scene(4), beacon_azimuth_rad=0.0, drive_azimuth_rad=math.pi / 2, drive_speed_m_s=speed_m_s)
+    return BeaconDrive(replace(course, drive_after_m=0.5, drive_straight_m=straight_m, drive_turn_radius_m=radius_m))
+
+
+def test_a_closed_course_begins_with_the_flight_and_leads_back() -> None:
+    drive = _round(0.3, 6.0, 2.0)
+    drive.watch(1.0, 15.0, 0.4)
+    assert drive.velocity(30.0) == (0.0, 0.0, 0.0)
+    drive.watch(2.0, 15.0, 0.6)
+    ramp_s = 0.3 / 0.2
+    straight_on_s = 2.0 + ramp_s / 2 + 6.0 / 0.3
+    half_circle_s = math.pi * 2.0 / 0.3
+    times_s = np.array([straight_on_s, straight_on_s + half_circle_s / 2, straight_on_s + half_circle_s])
+    path = drive.trajectory(0.0, straight_on_s + 2 * half_circle_s + 6.0 / 0.3)
+    places_m, yaw_rad = path.at(times_s)
+    # North from (15, 0), then round to the left.
+    assert places_m == pytest.approx(np.array([[15.0, 6.0, 0.0], [13.0, 8.0, 0.0], [11.0, 6.0, 0.0]]), abs=1e-3)
+    assert yaw_rad == pytest.approx(np.array([0.5, 1.0, 1.5]) * math.pi, abs=1e-3)
+    assert path.p_enu_m[-1] == pytest.approx([15.0, 0.0, 0.0], abs=1e-3)
+    assert drive.velocity(float(times_s[1])) == pytest.approx((-0.3, 0.0, 0.0), abs=1e-6)
+    steps_m_s = np.linalg.norm(np.diff(path.p_enu_m, axis=0), axis=1) / np.diff(path.t_s)
+    assert steps_m_s.max() < 0.3001
+
+
+def test_a_closed_course_stays_within_its_corners() -> None:
+    drive = _round(1.0, 4.0, 1.5)
+    drive.watch(0.0, 15.0, 1.0)
+    path_m = drive.trajectory(0.0, 60.0).p_enu_m
+    corners_m = drive.places_m()
+    assert path_m.min(axis=0) == pytest.approx(corners_m.min(axis=0), abs=0.01)
+    assert path_m.max(axis=0) == pytest.approx(corners_m.max(axis=0), abs=0.01)
+    assert _round(0.0, 4.0, 1.5).places_m() == pytest.approx(np.array([[15.0, 0.0, 0.0]]))

@@ -30,6 +30,7 @@ def _outcome(one: Study[Any, Any], rows: list[Any]) -> Outcome:
         elapsed_s=0.0,
         findings=summary.findings,
         notes=summary.notes,
+        scenes=summary.scenes,
         rows=rows,
     )
 

@@ -23,7 +23,7 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
     with dask_processes(2) as (address, pids), connected(address, 2) as runner:
         killed: list[int] = []
 
-        def kill_one(done: int) -> None:
+        def kill_one(first: int, done: list[list[float]]) -> None:
             if not killed and all((tmp_path / str(pid)).exists() for pid in pids):
                 os.kill(pids[0], signal.SIGKILL)
                 killed.append(pids[0])
@@ -36,7 +36,7 @@ def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
 
 def test_local_cluster_of_our_own() -> None:
     with DaskRunner("local:1") as runner:
-        assert runner.run(trial, CASES[:4], SEED, lambda done: None) == wanted()[:4]
+        assert runner.run(trial, CASES[:4], SEED, lambda first, rows: None) == wanted()[:4]
 
 
 @pytest.mark.parametrize("address", ["local:x", "local:0", "nonsense://?"])

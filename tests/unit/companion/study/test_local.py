@@ -21,12 +21,12 @@ from tests.unit.companion.study.trial_cases import SEED as CASES_SEED
 def test_processes_give_what_this_one_gives() -> None:
     one = study("crb")
     specs = one.plan(Settings(1, DATA))
-    assert ProcessRunner(1).run(one.trial, specs, SEED, lambda done: None) == rows_of(one, specs)
+    assert ProcessRunner(1).run(one.trial, specs, SEED, lambda first, rows: None) == rows_of(one, specs)
 
 
 def test_a_dead_process_of_the_pool_is_reported() -> None:
     with pytest.raises(TrialError, match="a worker process died"):
-        ProcessRunner(2).run(_suicide, CASES, CASES_SEED, lambda done: None)
+        ProcessRunner(2).run(_suicide, CASES, CASES_SEED, lambda first, rows: None)
 
 
 def _suicide(case: Case, seed: SeedSequence) -> float:

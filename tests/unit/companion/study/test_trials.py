@@ -34,21 +34,21 @@ def runner(request: pytest.FixtureRequest) -> TrialRunner:
 
 
 def test_same_seed_same_numbers_in_order_whatever_runs_them(runner: TrialRunner) -> None:
-    done: list[int] = []
-    rows = runner.run(trial, CASES, SEED, done.append)
+    done: dict[int, list[list[float]]] = {}
+    rows = runner.run(trial, CASES, SEED, done.__setitem__)
     assert rows == wanted()  # to the last bit
-    assert sum(done) == len(CASES)
+    assert [row for first in sorted(done) for row in done[first]] == rows
     assert len(done) > 1
-    assert rows != runner.run(trial, CASES, SEED + 1, done.append)
+    assert rows != runner.run(trial, CASES, SEED + 1, lambda first, rows: None)
 
 
 def test_no_trials_are_no_rows(runner: TrialRunner) -> None:
-    assert runner.run(trial, [], SEED, lambda done: None) == []
+    assert runner.run(trial, [], SEED, lambda first, rows: None) == []
 
 
 def test_a_failing_trial_is_named(runner: TrialRunner) -> None:
     with pytest.raises(TrialError, match=r"trial 3 \(seed 7\): ValueError: thirteen"):
-        runner.run(failing, [Case(10 + i) for i in range(20)], SEED, lambda done: None)
+        runner.run(failing, [Case(10 + i) for i in range(20)], SEED, lambda first, rows: None)
 
 
 def test_streams_are_the_children_of_the_seed_however_they_are_cut() -> None:

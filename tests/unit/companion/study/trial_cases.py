@@ -45,4 +45,4 @@ CASES = [Case(60 + i) for i in range(25)]
 
 @cache
 def wanted() -> list[list[float]]:
-    return ProcessRunner(1).run(trial, CASES, SEED, lambda done: None)
+    return ProcessRunner(1).run(trial, CASES, SEED, lambda first, rows: None)

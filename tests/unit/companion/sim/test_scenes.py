@@ -1,0 +1,115 @@
+"""Scenes: what each name promises holds for any seed, and a scene is a function of its seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from companion.errors import ConfigError
+from companion.sim.scenario import Reflector, Scenario, encode_scenario, load_scenario
+from companion.sim.scenes import SCENES, is_outside, scene_names, set_in
+from companion.sim.trajectory import BeaconDrive
+from tests.sim_scenes import scene
+
+SEEDS = range(20)
+
+
+def _course_m(scenario: Scenario) -> npt.NDArray[np.float64]:
+    """Where the beacon is in five minutes."""
+    drive = BeaconDrive(scenario)
+    drive.watch(0.0, 0.0, 99.0)
+    return drive.trajectory(0.0, 300.0).p_enu_m
+
+
+def _walls(scenario: Scenario) -> list[Reflector]:
+    return [plane for plane in scenario.radio.reflectors if plane.normal[2] == 0]
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_all_planes_are_beyond_both_robots_and_the_whole_drive(name: str, seed: int) -> None:
+    scenario = set_in(scene(seed), name)
+    least_m = 2.0 if name.startswith(("hard", "furniture")) else 6.0
+    for wall in _walls(scenario):
+        beyond_m = wall.offset_m - np.vstack([np.zeros((1, 3)), _course_m(scenario)]) @ np.array(wall.normal)
+        assert beyond_m.min() > least_m - 1e-6
+    assert not any(is_outside(scenario.radio, (x, y, 1.0)) for x, y, _ in _course_m(scenario)[::500].tolist())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_is_a_function_of_its_seed_and_survives_its_file(
+    name: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    assert set_in(scene(3), name) == set_in(scene(3), name) != set_in(scene(4), name)
+    path = tmp_path_factory.mktemp("scene") / "scenario.json"
+    path.write_bytes(encode_scenario(set_in(scene(3), name)))
+    assert load_scenario(path) == set_in(scene(3), name)
+
+
+@pytest.mark.parametrize(("name", "loss_db"), [("hard", 0.0), ("hard-10db", 10.0), ("hard-14db", 14.0)])
+def test_hard_rooms_have_strong_walls_and_a_weak_direct_path(name: str, loss_db: float) -> None:
+    for seed in SEEDS:
+        radio = set_in(scene(seed), name).radio
+        floor, *others = radio.reflectors
+        assert len(others) == 5
+        assert all(0.3 <= plane.gain <= 0.6 for plane in others)
+        assert floor == Reflector((0.0, 0.0, 1.0), 0.0, floor.gain, floor.phase_rad)
+        ceilings = [plane.offset_m for plane in others if plane.normal[2] == 1.0]
+        assert len(ceilings) == 1
+        assert 3.5 <= ceilings[0] <= 7.5
+        assert -20 * math.log10(radio.direct_gain) == pytest.approx(loss_db)
+
+
+def test_furniture_is_in_the_room_and_not_on_the_robots() -> None:
+    for seed in SEEDS:
+        scenario = set_in(scene(seed), "furniture")
+        radio = scenario.radio
+        assert radio.reflection_order == 2
+        assert len(radio.scatterers) == 12
+        beacon_m = BeaconDrive(scenario).places_m()[0]
+        for thing in radio.scatterers:
+            assert not is_outside(radio, thing.p_enu_m)
+            assert min(math.hypot(*thing.p_enu_m[:2]), math.dist(thing.p_enu_m[:2], beacon_m[:2])) > 1.0
+
+
+def test_a_walking_robot_leaves_with_the_flight_away_or_across() -> None:
+    for seed in SEEDS:
+        scenario = set_in(scene(seed), "moving-0.3")
+        drive = BeaconDrive(scenario)
+        start_m = drive.trajectory(0.0, 1.0).p_enu_m[0]
+        drive.watch(0.0, 15.0, 0.6)
+        after_m = drive.trajectory(0.0, 11.0).p_enu_m[-1]
+        assert np.linalg.norm(after_m - start_m) == pytest.approx(3.0, abs=0.3)
+        assert np.linalg.norm(after_m) > 15.0 - 1e-6
+    slow = BeaconDrive(set_in(scene(1), "moving-0.1"))
+    slow.watch(0.0, 14.0, 5.0)
+    assert slow.velocity(50.0) == (0.0, 0.0, 0.0)
+
+
+def test_other_scenes_differ_from_the_hall_in_what_they_are_named_for() -> None:
+    hall, far, drift, north, bare = (set_in(scene(5), name) for name in ("hall", "far", "drift", "north", "open"))
+    assert (hall.start_distance_m, far.start_distance_m) == (15.0, 30.0)
+    assert len(_walls(hall)) == 2
+    assert all(0.1 <= plane.gain <= 0.3 for plane in hall.radio.reflectors)
+    assert len(bare.radio.reflectors) == 1
+    assert drift.vio.bias_std == 0.07
+    assert abs(math.degrees(north.uav.frame_yaw_rad - hall.uav.frame_yaw_rad)) == pytest.approx(10.0)
+    assert north.beacon == hall.beacon
+    turns = {np.sign(set_in(scene(seed), "north").uav.frame_yaw_rad) for seed in SEEDS}
+    assert turns == {-1.0, 1.0}
+
+
+def test_where_the_robots_are_may_be_given() -> None:
+    given = replace(scene(2), beacon_azimuth_rad=1.0, drive_azimuth_rad=0.5)
+    placed = set_in(given, "hard")
+    assert (placed.beacon_azimuth_rad, placed.drive_azimuth_rad) == (1.0, 0.5)
+
+
+def test_an_unknown_scene_is_refused_with_all_there_are() -> None:
+    with pytest.raises(ConfigError, match=r"'hell' is unknown; expected one of open, hall, .*occluded"):
+        set_in(scene(), "hell")
+    assert scene_names(["open", "hard"]) == ("open", "hard")
