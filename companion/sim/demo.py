@@ -1,4 +1,6 @@
-"""The demo's operator: starts the cast, engages, watches the truth, and ends the run at the rendezvous."""
+"""The demo's operator: starts the cast, engages, watches the truth, and ends the run when the vehicle says that it has
+arrived.
+"""
 
 from __future__ import annotations
 
@@ -112,15 +114,15 @@ class _Operator:
         outcome, reached = f"no rendezvous within {max_time_s:g} s", False
         while (elapsed_s := (self._clock.now_ns() - engaged_ns) / NS_PER_S) < max_time_s:
             watch = await self._look(elapsed_s)
-            if watch.truth is not None and watch.truth.distance_m <= RENDEZVOUS_M:
-                outcome, reached = f"rendezvous at {watch.truth.distance_m:.2f} m", True
+            if watch.status["state"] == "arrived" and watch.truth is not None:
+                reached = watch.truth.distance_m <= RENDEZVOUS_M
+                outcome = f"the vehicle says it has arrived, {watch.truth.distance_m:.2f} m from the robot"
                 break
             if watch.status["state"] in ("fault", "latched", "idle"):
                 outcome = f"the mission ended in state {watch.status['state']}: {watch.status['reason']}"
                 break
         flight_s = (self._clock.now_ns() - engaged_ns) / NS_PER_S
         if reached:
-            await ask(self._stage.control_socket, "abort")
             await self._watch_it_leave()
         closest_m = min((t.distance_m for t in self._truths), default=math.inf)
         return DemoRun(
