@@ -337,3 +337,8 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -
     assert poses[0].p_enu_m == pytest.approx((0.0, 1.0, 0.0))
     state = telemetry.state()
     assert state.resets == 1 and state.p_reset_enu_m == pytest.approx((0.0, 2.0, 0.0))
+
+
+def test_what_is_subscribed_to_is_what_is_understood(bench: _Bench) -> None:
+    names = bench.telemetry.message_names
+    assert "HEARTBEAT" in names and len(set(names)) == len(names) == 15
