@@ -13,7 +13,7 @@ help:
 	@echo "make test   checks and tests, side by side"
 	@echo "make test-long  tests that take longer than make test allows: every recording, not one of each set"
 	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/results/faults.md"
-	@echo "make mutants  mutation test of what may command the vehicle (MUTANTS='gate table' for some)"
+	@echo "make mutants  mutation test of what may command the vehicle (MUTANTS='gate table' for some, ARGS=--survivors for the last ones again)"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"
 	@echo "make bench  benchmarks (options: ARGS='--json F --out DIR')"
 	@echo "make ablation  what each step of the estimator is worth, measured anew into docs/results/ (DATA=DIR...)"
@@ -59,19 +59,10 @@ faults: $(VENV)/dev.stamp t265
 	$(BIN)/python -m tests.faults.missions --real --count 200 --jobs 2
 	$(BIN)/python -m tests.faults.figures
 
-MUTANTS := gate table conditions preflight engagement telemetry
-# cosmic-ray changes the file it tests: it works on a copy. Its own environment, since it pulls in a database.
+# cosmic-ray has an environment of its own, since it pulls in a database. All of tests/mutants/*.toml without MUTANTS.
 mutants: $(VENV)/dev.stamp
 	test -e .venv-mutants/bin/cosmic-ray || { $(PYTHON) -m venv .venv-mutants && .venv-mutants/bin/python -m pip --disable-pip-version-check --quiet install cosmic-ray==8.7.0; }
-	rm -rf build/mutants && mkdir -p build/mutants
-	cp -r companion wsr csi_bridge tests pyproject.toml build/mutants/
-	cd build/mutants && export PATH=$(CURDIR)/$(BIN):$$PATH COSMIC=$(CURDIR)/.venv-mutants/bin && \
-		for of in $(MUTANTS); do \
-			$$COSMIC/cosmic-ray init tests/mutants/$$of.toml $$of.sqlite && \
-			$$COSMIC/cr-filter-operators $$of.sqlite tests/mutants/$$of.toml && \
-			$$COSMIC/cosmic-ray exec tests/mutants/$$of.toml $$of.sqlite && \
-			$$COSMIC/cr-report --show-diff --surviving-only $$of.sqlite | tail -60 || exit 1; \
-		done
+	nice -n 19 $(BIN)/python -m tests.mutants $(MUTANTS) $(ARGS)
 
 # Soft: without a CPython 3.10 the tests say so and use the newest pyrealsense2 instead.
 PYTHON310 := $(shell for p in python3.10 $$HOME/.pyenv/versions/3.10.*/bin/python3.10; do $$p -c '' 2>/dev/null && echo $$p && break; done)

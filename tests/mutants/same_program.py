@@ -7,7 +7,6 @@ import sqlite3
 import types
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 Place = tuple[int, int]
 """Row from 1, column from 0."""
@@ -53,8 +52,8 @@ def is_same(source: str, diff: str) -> bool:
     return bool(_compiled(source) == _compiled(_changed(source, diff)))
 
 
-def _compiled(source: str) -> Any:
-    def plain(code: types.CodeType) -> Any:
+def _compiled(source: str) -> tuple[object, ...]:
+    def plain(code: types.CodeType) -> tuple[object, ...]:
         constants = [plain(one) if isinstance(one, types.CodeType) else (type(one), one) for one in code.co_consts]
         return code.co_code, code.co_names, code.co_varnames, constants
 

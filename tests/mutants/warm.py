@@ -78,8 +78,8 @@ def _libraries() -> list[str]:
 def _wait(child: int, asker: socket.socket | None = None) -> int:
     """Its exit code; 1 for a signal, and for one that was killed because its asker left."""
     ended = os.pidfd_open(child)
-    watched: list[int | socket.socket] = [ended] if asker is None else [ended, asker]
-    select.select(watched, [], [])
+    awaited = [ended] if asker is None else [ended, asker.fileno()]
+    select.select(awaited, [], [])
     os.close(ended)
     with suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)  # and all it has started

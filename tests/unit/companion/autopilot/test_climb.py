@@ -86,3 +86,10 @@ def test_a_position_that_is_lost_ends_it(known: tuple[str, ...]) -> None:
     state = replace(_state(FlightMode.HOLD, 1.5, 0.0), **dict.fromkeys(names))  # type: ignore[arg-type]
     with pytest.raises(GaveWayError, match="the position was lost"):
         Climb(0.0, 1.5, 0.8).hovers(state)
+
+
+def test_as_long_as_px4_takes_off_it_is_px4s_own() -> None:
+    """However low, and however still."""
+    climb = Climb(0.0, 1.5, 0.8)
+    for t_s in (0.0, 1.0, 2.0):
+        assert not climb.hovers(_state(FlightMode.TAKEOFF, 0.1, 0.0, t_s))

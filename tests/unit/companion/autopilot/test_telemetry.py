@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from companion.autopilot import px4_modes
+from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.telemetry import Telemetry, is_healthy, parameter_field
 from companion.core.messages import FlightMode, Pose
 
@@ -313,3 +315,21 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -
     assert poses[0].p_enu_m == pytest.approx((0.0, 1.0, 0.0))
     state = telemetry.state()
     assert state.resets == 1 and state.p_reset_enu_m == pytest.approx((0.0, 2.0, 0.0))
+
+
+def test_what_is_subscribed_to_is_what_is_understood(bench: _Bench) -> None:
+    names = bench.telemetry.message_names
+    assert "HEARTBEAT" in names and len(set(names)) == len(names) == 15
+
+
+def test_px4_modes_as_they_are_asked_for_and_told() -> None:
+    assert (px4_modes.OFFBOARD, px4_modes.HOLD) == ((6, 0), (4, 3))
+    assert (px4_modes.LAND, px4_modes.RETURN) == ((4, 6), (4, 5))
+    told = [
+        flight_mode(8 << 16),
+        flight_mode(9 << 16),
+        flight_mode(4 << 16 | 10 << 24),
+        flight_mode(4 << 16 | 11 << 24),
+    ]
+    assert told == [FlightMode.MANUAL, FlightMode.OTHER, FlightMode.TAKEOFF, FlightMode.OTHER]
+    assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER

@@ -14,6 +14,7 @@ from companion.errors import CompanionError
 from companion.pose.recording import FilePoses
 from companion.pose.trajectory_columns import TrajectoryError
 from companion.pose.trajectory_file import TrajectoryFile, read_trajectory_file
+from tests.paths import FIELD_CASES
 
 Row = tuple[float, float, float, float, float, float, float, float]
 ROWS: list[Row] = [
@@ -248,3 +249,14 @@ def test_the_messages_own_stamps_are_used_unless_they_are_all_zero(tmp_path: Pat
     found = read_trajectory_file(path)
     assert "stamps are those of Time" in found.notes[0]
     same(found, True)
+
+
+@pytest.mark.skipif(not FIELD_CASES.is_dir(), reason="no field cases beside this clone")
+def test_field_cases_of_recordings_are_named_or_cut_by_a_line() -> None:
+    """Equivalents of each are among those above."""
+    folder = FIELD_CASES / "recording-reader"
+    for name in ("empty-cell.csv", "index-first.tum", "kitti.txt", "nanoseconds.tum"):
+        with pytest.raises(TrajectoryError, match=f"{name}: line 1 "):
+            read_trajectory_file(folder / name)
+    cut = read_trajectory_file(folder / "cut-line.csv")
+    assert len(cut.t_s) == 50 and "its last line, 51, is cut off" in cut.notes[0]

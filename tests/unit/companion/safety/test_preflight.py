@@ -271,7 +271,7 @@ def test_a_clock_is_a_matter_of_its_own_as_long_as_packets_and_datagrams_come() 
     assert readiness_problems(at_limit, _LIMITS) == ["not related"]
 
 
-@pytest.mark.parametrize(("battery", "told"), [(0.0, "0 %"), (0.04, "4 %"), (0.5, "50 %")])
+@pytest.mark.parametrize(("battery", "told"), [(0.0, "0 %"), (0.04, "4 %"), (0.55, "55 %")])
 def test_a_low_battery_is_told_in_percent(battery: float, told: str) -> None:
     (problem,) = readiness_problems(replace(_READY, battery=battery), replace(_LIMITS, min_battery=0.6))
     assert problem == f"the battery is low: {told}, wanted 60"
@@ -286,3 +286,10 @@ def test_in_the_air_only_hold_is_handed_over(mode: FlightMode) -> None:
     assert readiness_problems(asked, _LIMITS) == [
         f"the vehicle holds, but was asked for {mode} and may go back to it: choose Hold at the ground station"
     ]
+
+
+def test_in_the_air_a_vehicle_in_hold_is_handed_over_and_one_whose_mode_is_not_known_is_not() -> None:
+    in_air = replace(_READY, in_air=True)
+    assert readiness_problems(in_air, _LIMITS) == []
+    unknown = replace(in_air, mode=None, intended_mode=None)
+    assert readiness_problems(unknown, _LIMITS) == ["the vehicle is flown in mode None; put it into hold first"]
