@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from companion.flight.records import SERVICE_ENDS, MissionStep
+from companion.mission.table import TABLE
 from tests.faults.missions.fly import fly
 from tests.faults.missions.promises import violations
 from tests.faults.missions.reality import real
@@ -71,6 +72,12 @@ def kept(out: Path) -> dict[int, dict[str, Any]]:
     return found
 
 
+def _met(flown_rows: list[dict[str, Any]]) -> int:
+    """How many pairs of state and event of the table the missions went through."""
+    taken = {tuple(step.split()[:2]) for row in flown_rows for step in row["steps"]}
+    return sum((str(state), str(event)) in taken for state, event in TABLE)
+
+
 @click.command()
 @click.option("--count", default=5000, show_default=True, help="Missions in all, those flown before among them.")
 @click.option("--first", default=0, show_default=True, help="Seed of the first.")
@@ -114,7 +121,8 @@ def main(count: int, first: int, jobs: int, is_real: bool, out: Path | None, sho
     print(
         f"{len(everything)} missions, {sum(row['setpoints'] for row in everything)} set points; now "
         f"{len(everything) - len(before)} in {time.monotonic() - began_s:.0f} s, "
-        f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor; "
+        f"{sum(one.ru_utime + one.ru_stime for one in used):.0f} s of processor, in all "
+        f"{sum(row['cpu_s'] for row in everything):.0f}; {_met(everything)} of {len(TABLE)} steps of the table taken; "
         f"broken promises: {dict(done) or 'none'}"
     )
     sys.exit(bool(done))

@@ -27,6 +27,10 @@ _IN_OFFBOARD: Final = _STREAMING - {State.TAKING_OFF}
 _ASKING: Final = frozenset(
     {State.TAKING_OFF, State.ACQUIRING, State.APPROACHING, State.HOLDING, State.ARRIVED, State.LANDING}
 )
+_TOLD_AS: Final = {
+    Mode.HOLD: FlightMode.HOLD, Mode.LAND: FlightMode.LAND, Mode.RTL: FlightMode.RETURN,
+    Mode.OFFBOARD: FlightMode.OFFBOARD,
+}  # fmt: skip
 Found = Iterator[tuple[int, str]]
 
 
@@ -259,6 +263,7 @@ def asked_for_3_s(trace: Trace) -> Found:
         if entry.what != "mode":
             continue
         again = first is not None and entry.wanted is first.wanted and entry.t_ns - last_ns < 1.6 * NS_PER_S
+        again = again and entry.told.mode is not _TOLD_AS.get(entry.wanted)  # it was had: this is asked for anew
         first = entry if not again or first is None else first
         last_ns = entry.t_ns
         if entry.t_ns - first.t_ns > 3.0 * NS_PER_S:
