@@ -1,4 +1,4 @@
-"""What is known of the target: its packets and datagrams, its bearings, and the legs that gave none."""
+"""What is known of the target: its packets and datagrams, its bearings, and the path that gave none."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _RADIAL_PER_S: Final = 0.6
 _HEIGHT_PER_S: Final = 0.5
 _FENCE_MARGIN_M: Final = 0.6
 _FENCE_PER_S: Final = 0.5
-_LEAD_RAD: Final = math.radians(25.0)
+_LEAD_RAD: Final = math.radians(15.0)
 """How far beside the target the vehicle flies while its range is not known at all: bearings from one line of flight do
 not cross."""
 _VAGUE: Final = 0.5

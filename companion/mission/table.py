@@ -24,7 +24,7 @@ class State(StrEnum):
     ARRIVED = "arrived"
     """At the target, in the autopilot's own hold."""
     HOLDING = "holding"
-    """In OFFBOARD, standing still: the target is silent, our poses are, or leg after leg gave no bearing."""
+    """In OFFBOARD, standing still: the target is silent, our poses are, or aperture after aperture gave no bearing."""
     LANDING = "landing"
     """The autopilot brings it down by itself, here or after its own return."""
     LATCHED = "latched"

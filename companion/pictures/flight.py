@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
 _BEARING_M = 1.6
+_MOST_BEARINGS = 25  # apertures overlap: an arrow for each would hide the flight
 _LEAST_SPAN_SHARE = 0.45  # of the longer side: a flight due East must not become a strip
 _WIDTH_IN, _LEAST_IN, _MOST_IN = 8.0, 4.4, 7.0
 _MARGINS_IN = (0.8, 1.4)  # what axes, title and legend take of the width and of the height
@@ -47,9 +48,9 @@ def draw_flight(
     axes.plot(*target_m[0, :2], "s", color="tab:red", markersize=8, label="ground robot at the start")
     axes.plot(*uav_m[0, :2], "o", color="tab:blue", markersize=8, label="take-off")
     _distance(axes, uav_m[-1], target_m[-1])
-    for bearing in bearings:
+    for bearing in bearings[:: math.ceil(len(bearings) / _MOST_BEARINGS) or 1]:
         _bearing(axes, bearing)
-    axes.plot([], [], color="tab:green", linewidth=1.8, label="bearing of each SAR iteration")
+    axes.plot([], [], color="tab:green", linewidth=1.8, label="bearings, with their SAR iterations' numbers")
     axes.set(xlabel="East [m]", ylabel="North [m]", title=title)
     axes.set_aspect("equal", adjustable="box")
     axes.grid(color="0.9")

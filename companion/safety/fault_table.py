@@ -66,8 +66,8 @@ FAULTS: Final[dict[Event, Fault]] = {
         "pose.stale_s", "the age of the newest usable pose", "fresh poses, by itself after 5 s of holding"
     ),
     Event.BEARING_STALE: Fault(
-        "aperture.silent_s, or aperture.blind_legs legs",
-        "the age of the target's packets and datagrams; legs without a bearing",
+        "aperture.silent_s, or aperture.blind_legs apertures",
+        "the age of the target's packets and datagrams; apertures' worth of path without one",
         "the target is heard again, or another try after 5 s of holding, by itself",
     ),
 }

@@ -90,7 +90,7 @@ REQUIREMENTS: Final = (
     ),
     Requirement(
         "EKF2_HGT_REF", Needed.VISION, lambda v: v == 3, "3 (vision)",
-        "the height the legs are flown at is that of the poses",
+        "the height that is flown at is that of the poses",
     ),
 )  # fmt: skip
 """docs/vehicle.md has this table, generated."""
