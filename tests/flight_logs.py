@@ -41,6 +41,16 @@ def uav_log(path: Path, session: Session) -> None:
         writer.finish()
 
 
+def deaf_log(path: Path, session: Session) -> None:
+    """The golden flight's log without a datagram: nothing was broadcast."""
+    with path.open("wb") as file:
+        writer = LogWriter(file, session.metadata)
+        for message in session.messages():
+            if message.topic != NEIGHBOUR.topic:
+                copy(writer, message)
+        writer.finish()
+
+
 def beacon_log(
     path: Path,
     session: Session,

@@ -22,7 +22,8 @@ from companion.replay.result import ReplayResult, replay_log, write_decided
 FOLDER: Final = Path(__file__).parent
 GOLDEN: Final = tuple(sorted(FOLDER.glob("*.mcap")))
 _BEFORE_S: Final = 0.7
-_ITERATIONS: Final = 3
+_ITERATIONS: Final = 12
+"""Of which each shares most of its path with the one before."""
 _AFTER_S: Final = 0.3
 
 

@@ -17,7 +17,7 @@ from companion.errors import CompanionError
 from companion.log.merge import merge
 from companion.log.reader import LogScan, open_session
 from companion.log.writer import LogWriter
-from tests.flight_logs import beacon_log, uav_log
+from tests.flight_logs import beacon_log, deaf_log, uav_log
 from tests.golden.golden_logs import GOLDEN
 from tests.log_commands import Run, write_ulog
 
@@ -28,6 +28,13 @@ GOLDEN_FLIGHT = open_session(GOLDEN[0])
 def uav(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("uav") / "log.mcap"
     uav_log(path, GOLDEN_FLIGHT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def deaf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("deaf") / "log.mcap"
+    deaf_log(path, GOLDEN_FLIGHT)
     return path
 
 
@@ -45,11 +52,11 @@ def test_a_beacon_of_another_flight_is_refused_whatever_its_counters(uav: Path, 
     assert not (tmp_path / "out.mcap").exists()
 
 
-def test_times_that_do_not_fit_are_refused_where_nothing_was_broadcast(tmp_path: Path) -> None:
+def test_times_that_do_not_fit_are_refused_where_nothing_was_broadcast(deaf: Path, tmp_path: Path) -> None:
     chance = random.Random(1)
     beacon_log(tmp_path / "beacon.mcap", GOLDEN_FLIGHT, jitter_ns=lambda frame: chance.randrange(2_000_000_000))
     with pytest.raises(CompanionError, match=r"not of this flight: \d+ exchanges have numbers in common"):
-        merge(GOLDEN[0], [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
+        merge(deaf, [tmp_path / "beacon.mcap"], None, tmp_path / "out.mcap")
 
 
 def test_clocks_that_drift_apart_are_no_spread(uav: Path, tmp_path: Path) -> None:
@@ -76,7 +83,7 @@ def test_a_clock_that_was_never_set_is_not_joined_by_wall_clock(tmp_path: Path) 
         merge(GOLDEN[0], [tmp_path / "other.mcap"], None, tmp_path / "out.mcap")
 
 
-def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, tmp_path: Path) -> None:
+def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, deaf: Path, tmp_path: Path) -> None:
     session = GOLDEN_FLIGHT
     beacon = tmp_path / "beacon.mcap"
     shift_ns = 38_123_000_000  # its clock is elsewhere
@@ -89,7 +96,7 @@ def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, 
     ulg = tmp_path / "flight.ulg"
     boot_ns = write_ulog(ulg, session)
     out = tmp_path / "merged.mcap"
-    code, text, err = companion("log", "merge", GOLDEN[0], beacon, "--ulg", ulg, "--out", out)
+    code, text, err = companion("log", "merge", deaf, beacon, "--ulg", ulg, "--out", out)
     assert code == 0, err
     assert "+38.1230 s" in text
     times: dict[str, list[int]] = {}

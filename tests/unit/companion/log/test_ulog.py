@@ -54,7 +54,7 @@ def test_single_damaged_rows_of_a_ulg_move_nothing_and_are_left_out(companion: R
     ("scale", "part", "why"),
     [
         (0.0, slice(None), "not of this flight"),
-        (1.0, slice(0, 40), "the vehicle moved 1.0 m where both logs could agree"),
+        (1.0, slice(0, 40), "m where both logs could agree; 2 m tell"),
         (1.0, slice(0, 3), "it holds positions of 0.1 s, 1 are needed"),
     ],
 )
