@@ -273,8 +273,8 @@ async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_fa
 async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """The target lies beyond it, and there are gusts: the vehicle flies on inside, as near as it may, and lands when its
-    time is over."""
+    """The target lies beyond it, and there are gusts: the vehicle flies on inside, as near as it may, and lands when
+    its time is over."""
     service = _Service(tmp_path_factory.mktemp("s"), tmp_path, Gusts(4), limit_s=25.0, fence_radius_m=1.5)
     farthest_m, refused, states = 0.0, 0, list[State]()
     try:
