@@ -1,7 +1,7 @@
 """The checks and all tests side by side, as `make test` runs them: `python -m tests.lanes`.
 
 A lane is one command, and all lanes run at once. What lives in real time waits most of the time and takes what little
-it needs at once; what computes is niced and takes all that is left. A lane is printed when it has ended; while it runs
+it needs at once; what computes is niced to the last and takes all that is left. A lane is printed when it has ended; while it runs
 its output is in build/test/. docs/testing.md has a table of where the time goes.
 
 What lives in real time and failed beside the others is judged once more alone, and the last lines say so: beside four
@@ -27,7 +27,7 @@ from companion.sensing.worker_process import ONE_THREAD
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _OUT: Final = _ROOT / "build" / "test"
 _PYTEST: Final = (sys.executable, "-m", "pytest")
-_NICE: Final = ("nice", "-n", "10")
+_NICE: Final = ("nice", "-n", "19")
 _INTERRUPTED: Final = 130
 _TESTS_FAILED: Final = 1
 _END_S: Final = 20.0

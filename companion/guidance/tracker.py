@@ -21,7 +21,7 @@ from companion.sensing.records import Bearing
 from wsr.aoa import Matrix3
 
 _Floats = npt.NDArray[np.float64]
-_PARTICLES: Final = 2000
+_PARTICLES: Final = 1500
 _RESAMPLE_BELOW: Final = 0.5
 _BORN: Final = 0.02
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
@@ -42,7 +42,7 @@ _BELOW_GROUND_M: Final = (0.2, 0.25)
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
-_SAMPLED: Final = 400
+_SAMPLED: Final = 250
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 """A source was seen at a place by a range up to the one, known to the other,"""
 _WITNESS_SPREAD_M, _WITNESS_APART_M = 1.0, 2.0
@@ -126,8 +126,8 @@ class _Witnesses:
         begun_m = np.linalg.norm(flat_m - self._began_m[:2], axis=1)
         others &= begun_m < np.linalg.norm(origin_m[:2] - self._began_m[:2])
         together = (np.linalg.norm(flat_m[:, None] - flat_m, axis=2) < _WITNESS_SPREAD_M) & others
-        support = together @ weight
-        sides = np.linalg.norm((together * weight) @ np.array(self._units), axis=1)
+        support = np.einsum("ij,j->i", together, weight)
+        sides = np.linalg.norm(np.einsum("ij,j,jx->ix", together, weight, np.array(self._units)), axis=1)
         support = np.where(others & (sides < _WITNESS_SIDES * support), support, 0.0)
         best = int(np.argmax(support))
         if support[best] < _WITNESSED:
@@ -146,6 +146,7 @@ class TargetTracker:
         self._elevation_rad = np.zeros(0)
         self._log_weight = np.zeros(0)
         self._newest: Bearing | None = None
+        self._target: Target | None = None
         self._witnesses: _Witnesses | None = None
 
     def add(self, bearing: Bearing, ground_m: float = -math.inf) -> Target:
@@ -166,7 +167,8 @@ class TargetTracker:
         assert self._witnesses is not None
         self._witnesses.add(bearing)
         self._resample()
-        return self.target()
+        self._target = self._found()
+        return self._target
 
     def shift(self, delta_enu_m: Vector3) -> None:
         """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
@@ -174,6 +176,7 @@ class TargetTracker:
         if self._newest is not None:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
+            self._target = self._found()
 
     def nearer_source(self) -> Vector3 | None:
         """Another source than the likeliest, as the origin of the target's frame, that was seen nearer to where the
@@ -189,6 +192,10 @@ class TargetTracker:
 
     def target(self) -> Target:
         """What all bearings together say. Raises AssertionError before the first."""
+        assert self._target is not None
+        return self._target
+
+    def _found(self) -> Target:
         assert self._newest is not None
         weight, here_m = np.exp(self._log_weight), _place(self._newest)
         left, found = weight.copy(), list[tuple[float, npt.NDArray[np.intp]]]()
@@ -225,9 +232,10 @@ class TargetTracker:
         chosen = np.argsort(-weight, kind="stable")[:_SAMPLED]
         total = weight.sum()
         picks = self._systematic(weight / total, _SAMPLED) if total > 0 else chosen
-        near = (units[picks] @ units[picks].T > math.cos(_MODE_RAD)) & (
-            np.abs(log_range[picks, None] - log_range[picks]) < math.log(_MODE_RATIO)
-        )
+        # By einsum, not BLAS, whose threads spin: this runs in the process of the control loop.
+        angle_cosine = np.einsum("ix,jx->ij", units[picks], units[picks])
+        ratio = np.abs(log_range[picks, None] - log_range[picks])
+        near = (angle_cosine > math.cos(_MODE_RAD)) & (ratio < math.log(_MODE_RATIO))
         best = picks[int(np.argmax(near.sum(axis=1)))]
         inside = (
             (units @ units[best] > math.cos(_MODE_RAD))
