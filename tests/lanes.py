@@ -1,8 +1,8 @@
 """The checks and all tests side by side, as `make test` runs them: `python -m tests.lanes`.
 
 A lane is one command, and all lanes run at once. What lives in real time waits most of the time and takes what little
-it needs at once; what computes is niced to the last and takes all that is left. A lane is printed when it has ended; while it runs
-its output is in build/test/. docs/testing.md has a table of where the time goes.
+it needs at once; what computes is niced to the last and takes all that is left. A lane is printed when it has ended;
+while it runs its output is in build/test/. docs/testing.md has a table of where the time goes.
 
 What lives in real time and failed beside the others is judged once more alone, and the last lines say so: beside four
 other lanes on two cores a test can fail of the company it was in.
