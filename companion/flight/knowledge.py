@@ -25,6 +25,8 @@ from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
+_GRANTED: Final = 2.0
+"""Apertures' worth of path after a hold: the first may still lack what was missing before."""
 _FOUND: Final = 0.5
 """Bearings that say little each, but agree on a source of this probability, steer too."""
 
@@ -132,8 +134,8 @@ class Knowledge:
         self._tries += 1
 
     def grant_leg(self) -> None:
-        """One more leg may be flown to measure anew."""
-        self._blind_legs = self._config.blind_legs - 1
+        """Some more path may be flown to measure anew."""
+        self._blind_legs = max(0.0, self._config.blind_legs - _GRANTED)
 
     def _note(self, iteration: Iteration, steers: bool) -> None:
         self._packets = 0
@@ -142,6 +144,6 @@ class Knowledge:
             _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
             return
         self._iteration = iteration
-        if steers:
+        if steers and self._sar.is_measuring:  # not of a flight that was broken off since
             self._blind_legs, self._tries = 0.0, 0
             self._course.report(Event.BEARING)

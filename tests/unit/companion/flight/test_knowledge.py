@@ -27,6 +27,7 @@ _CONFIG = ApertureConfig(min_reliability=0.5, blind_legs=3, silent_s=2.0)
 
 class _Sar:
     is_ready = True
+    is_measuring = True
     waited_s = 0.0
 
     def waiting_s(self) -> float:
@@ -120,7 +121,7 @@ def test_legs_without_one_are_counted_whatever_the_reason() -> None:
     assert known.kept.topics == ["/target"]  # the weak one is recorded, and what it says little counts
     assert known.course.worst([]) is None
     known.knowledge.grant_leg()
-    assert known.knowledge.blind_legs == 2
+    assert known.knowledge.blind_legs == 1
     known.knowledge.begin_anew()
     assert known.knowledge.blind_legs == 0
 
@@ -148,3 +149,12 @@ def test_it_is_stale_when_the_target_is_silent_or_the_worker_hangs() -> None:
     assert known.knowledge.is_stale()
     known.hear(_TARGET)
     assert known.knowledge.is_stale(), "its datagrams are still missing"
+
+
+def test_a_bearing_of_a_flight_that_was_broken_off_lifts_no_hold() -> None:
+    known = _Known()
+    known.hear(_TARGET)
+    known.sar.is_measuring = False
+    known.knowledge.note_hold()
+    known.knowledge.add_iteration(_iteration())
+    assert known.course.worst([]) is None and known.knowledge.tries == 1
