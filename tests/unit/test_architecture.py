@@ -41,9 +41,11 @@ def test_the_root_holds_what_starts_the_program_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize("package", ["companion", "companion/pose"])
-def test_packages_on_the_way_to_the_camera_reader_import_nothing(package: str) -> None:
-    (docstring,) = ast.parse((ROOT / package / "__init__.py").read_text()).body
+def test_packages_on_the_way_to_the_camera_reader_import_nothing_of_ours(package: str) -> None:
+    docstring, *more = ast.parse((ROOT / package / "__init__.py").read_text()).body
     assert isinstance(docstring, ast.Expr)
+    names = {name.name for one in more if isinstance(one, ast.Import) for name in one.names}
+    assert names <= {"os"} and not any(isinstance(one, ast.ImportFrom) for one in more)
 
 
 def test_the_camera_reader_imports_where_nothing_is_installed() -> None:

@@ -56,7 +56,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert content.truth
     out.write_text(flight_page(content))
     numbers = figures(content)
-    assert len(numbers["errors_deg"]) == 3
+    assert len(numbers["errors_deg"]) == 12
     assert all(error < 10 for error in numbers["errors_deg"])
     return out
 
