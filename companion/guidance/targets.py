@@ -47,6 +47,8 @@ class Targets:
         for peer, tracker in self._trackers.items():
             tracker.shift(delta_enu_m)
             self._found[peer] = tracker.target()
+            if peer == self._target:
+                self._nearer_m = tracker.nearer_source()
 
     def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
         """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""

@@ -17,8 +17,10 @@ import numpy.typing as npt
 
 from companion.core.messages import Vector3
 from companion.guidance.likelihood import likelihood
+from companion.guidance.witnesses import Witnesses
 from companion.sensing.records import Bearing
 from wsr.aoa import Matrix3
+from wsr.geometry import direction
 
 _Floats = npt.NDArray[np.float64]
 _PARTICLES: Final = 1500
@@ -44,13 +46,7 @@ _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
 _SAMPLED: Final = 250
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
-"""A source was seen at a place by a range up to the one, known to the other,"""
-_WITNESS_SPREAD_M, _WITNESS_APART_M = 1.0, 2.0
-"""with others within the one; it is another than the target's from the other on."""
-_WITNESSED: Final = 0.5
-"""Apertures' worth of packets that make such a place count,"""
-_WITNESS_SIDES: Final = math.cos(math.radians(25.0))
-"""seen in directions that differ: their mean is no longer than this."""
+"""A source was seen at a place by a range up to the one, known to the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,47 +91,6 @@ class TargetReport:
     """Where the target was when the bearing was taken."""
 
 
-class _Witnesses:
-    """Places where a range showed a source, whatever became of it. Of a robot and its mirror images behind walls the
-    robot is the nearest to every place the vehicle can have been at, the flight's beginning among them."""
-
-    def __init__(self, began_m: _Floats) -> None:
-        self._began_m = began_m
-        self._origins_m: list[_Floats] = []
-        self._units: list[_Floats] = []
-        self._weights: list[float] = []
-
-    def add(self, bearing: Bearing) -> None:
-        if bearing.range_m is None or bearing.range_m > _WITNESS_M or bearing.range_std_m > _WITNESS_STD_M:
-            return
-        sine = math.sin(bearing.polar_rad)
-        across = sine * math.cos(bearing.azimuth_rad), sine * math.sin(bearing.azimuth_rad)
-        unit = np.array([*across, math.cos(bearing.polar_rad)])
-        self._origins_m.append(_place(bearing) + bearing.range_m * unit)
-        self._units.append(unit)
-        self._weights.append(bearing.fresh)
-
-    def nearer(self, origin_m: _Floats) -> Vector3 | None:
-        """A place that is not `origin_m`, was seen long enough and from several sides, and is nearer to the beginning.
-        A range that drifting poses feign lies ahead of the vehicle, on one side, wherever it is."""
-        if not self._origins_m:
-            return None
-        seen_m, weight = np.array(self._origins_m), np.array(self._weights)
-        flat_m = seen_m[:, :2]
-        others = np.linalg.norm(flat_m - origin_m[:2], axis=1) > _WITNESS_APART_M
-        begun_m = np.linalg.norm(flat_m - self._began_m[:2], axis=1)
-        others &= begun_m < np.linalg.norm(origin_m[:2] - self._began_m[:2])
-        together = (np.linalg.norm(flat_m[:, None] - flat_m, axis=2) < _WITNESS_SPREAD_M) & others
-        support = np.einsum("ij,j->i", together, weight)
-        sides = np.linalg.norm(np.einsum("ij,j,jx->ix", together, weight, np.array(self._units)), axis=1)
-        support = np.where(others & (sides < _WITNESS_SIDES * support), support, 0.0)
-        best = int(np.argmax(support))
-        if support[best] < _WITNESSED:
-            return None
-        chosen = together[best]
-        return _vector(weight[chosen] @ seen_m[chosen] / weight[chosen].sum())
-
-
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
@@ -147,13 +102,13 @@ class TargetTracker:
         self._log_weight = np.zeros(0)
         self._newest: Bearing | None = None
         self._target: Target | None = None
-        self._witnesses: _Witnesses | None = None
+        self._witnesses: Witnesses | None = None
 
     def add(self, bearing: Bearing, ground_m: float = -math.inf) -> Target:
         """Takes the newest bearing; the ground is at `ground_m` (Up) of the local frame. One of another boot of the
         target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
-            self._witnesses = _Witnesses(_place(bearing))
+            self._witnesses = Witnesses(_place(bearing))
             self._origins_m = self._drawn(bearing, _PARTICLES)
             self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
             self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
@@ -164,8 +119,7 @@ class TargetTracker:
             self._weigh(bearing, ground_m)
             self._bear(bearing)
         self._newest = bearing
-        assert self._witnesses is not None
-        self._witnesses.add(bearing)
+        self._note(bearing)
         self._resample()
         self._target = self._found()
         return self._target
@@ -177,6 +131,8 @@ class TargetTracker:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
             self._target = self._found()
+        if self._witnesses is not None:
+            self._witnesses.shift(np.array(delta_enu_m))
 
     def nearer_source(self) -> Vector3 | None:
         """Another source than the likeliest, as the origin of the target's frame, that was seen nearer to where the
@@ -224,14 +180,20 @@ class TargetTracker:
             rivals=tuple(rivals),
         )
 
+    def _note(self, bearing: Bearing) -> None:
+        """A source whose range shows where it is."""
+        assert self._witnesses is not None
+        if bearing.range_m is None or bearing.range_m > _WITNESS_M or bearing.range_std_m > _WITNESS_STD_M:
+            return
+        unit = direction(bearing.azimuth_rad, bearing.polar_rad)
+        self._witnesses.add(_place(bearing) + bearing.range_m * unit, unit, bearing.fresh)
+
     def _densest(self, weight: _Floats, here_m: _Floats) -> npt.NDArray[np.intp]:
         """Indices of the particles around the densest one."""
         offsets_m = self._origins_m - here_m
         range_m = np.maximum(np.linalg.norm(offsets_m, axis=1), 1e-3)
         units, log_range = offsets_m / range_m[:, None], np.log(range_m)
-        chosen = np.argsort(-weight, kind="stable")[:_SAMPLED]
-        total = weight.sum()
-        picks = self._systematic(weight / total, _SAMPLED) if total > 0 else chosen
+        picks = self._systematic(weight / weight.sum(), _SAMPLED)
         # By einsum, not BLAS, whose threads spin: this runs in the process of the control loop.
         angle_cosine = np.einsum("ix,jx->ij", units[picks], units[picks])
         ratio = np.abs(log_range[picks, None] - log_range[picks])
