@@ -41,6 +41,7 @@ class Engagement:
 
     def __init__(
         self,
+        *,
         config: Config,
         clock: EventClock,
         intake: PoseIntake,

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping
 from typing import Final
 
-from companion.config.schema import ApertureConfig, MissionConfig
+from companion.config.schema import Config
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
@@ -36,25 +36,26 @@ class Knowledge:
 
     def __init__(
         self,
-        config: ApertureConfig,
+        *,
+        config: Config,
         clock: EventClock,
         recorder: Recorder,
         neighbours: Mapping[int, Neighbour],
-        target: int,
         sar: SarIterations,
         course: Course,
-        mission: MissionConfig,
         frame: LocalFrame,
     ) -> None:
-        self._config = config
+        self._config = config.aperture
         self._clock = clock
         self._recorder = recorder
         self._sar = sar
         self._course = course
         self._frame = frame
-        self.neighbour: Final = neighbours[target]
+        self.neighbour: Final = neighbours[config.target]
         """The target as a sender of datagrams."""
-        self.targets: Final = Targets(neighbours, target, mission.arrival_range_m, mission.arrival_confidence)
+        self.targets: Final = Targets(
+            neighbours, config.target, config.mission.arrival_range_m, config.mission.arrival_confidence
+        )
         self._packet_ns: int | None = None
         self._packets = 0
         self._blind_legs = 0.0

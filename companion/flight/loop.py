@@ -10,26 +10,28 @@ from typing import Any
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.autopilot.silent import SilentAutopilot
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, HostSleep, Ticker, age_s
+from companion.core.clock import HostSleep, Ticker, age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import CommandOutcome, Event, Surroundings, Tick
 from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
 from companion.core.recorder import Recorder
-from companion.core.streams import AUTOPILOT_EVENT, COMMAND, END, GATE, OBSERVED, SETPOINT, TICK
+from companion.core.streams import COMMAND, END, SETPOINT, TICK
 from companion.flight.commands import FlightCommands, MakeCommands
 from companion.flight.course import AT_REST, Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
 from companion.flight.limits import condition_limits
 from companion.flight.local_frame import LocalFrame
-from companion.flight.observer import would_be_setpoint
+from companion.flight.observer import Observer
 from companion.flight.origin import Origin
-from companion.flight.rc_switch import RcSwitch
-from companion.flight.records import GateReport, ObservedSetpoint
+from companion.flight.rc_switch import configured_switch
+from companion.flight.refusals import Refusals
+from companion.flight.situation import Situations
 from companion.flight.status import status
+from companion.flight.vehicle_feed import VehicleFeed
 from companion.flight.wishes import Wishes
 from companion.guidance.approach import Approach, as_velocity, inside
-from companion.mission.conditions import SLEPT_S, Situation, conditions
+from companion.mission.conditions import SLEPT_S, conditions
 from companion.mission.table import Action, State
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
@@ -38,7 +40,6 @@ from companion.sensing.iterations import SarIterations
 
 _log = logging.getLogger(__name__)
 _RATE_HZ = 20.0
-_REFUSED_AGAIN_S = 5.0
 
 
 class Flight:
@@ -62,7 +63,6 @@ class Flight:
         assert config.autopilot is not None
         self._config = config
         self._clock = clock
-        self._intake = intake
         self._observes = config.mission.control == "observe"
         self._autopilot: Autopilot = SilentAutopilot(autopilot) if self._observes else autopilot
         self._sar = sar
@@ -76,26 +76,35 @@ class Flight:
         self._course = Course(clock, recorder)
         self._frame = LocalFrame()
         self.knowledge = Knowledge(
-            config.aperture, clock, recorder, neighbours, config.target, sar, self._course, config.mission, self._frame
+            config=config,
+            clock=clock,
+            recorder=recorder,
+            neighbours=neighbours,
+            sar=sar,
+            course=self._course,
+            frame=self._frame,
         )
         self._targets = self.knowledge.targets
         self._engagement = Engagement(
-            config, clock, intake, self.knowledge, self._autopilot, sar, recorder, look, network_problem
+            config=config,
+            clock=clock,
+            intake=intake,
+            knowledge=self.knowledge,
+            autopilot=self._autopilot,
+            sar=sar,
+            recorder=recorder,
+            look=look,
+            network_problem=network_problem,
         )
-        channel = config.autopilot.engage_rc_channel
-        switch = None if channel is None else RcSwitch(channel, config.autopilot.engage_rc_above_us)
+        switch = configured_switch(config.autopilot)
         self.wishes = Wishes(clock, recorder, self._course, self._engagement, switch, self._commands.beside)
+        self._feed = VehicleFeed(self._autopilot, sar, intake, recorder)
         self._origin = Origin(self._autopilot, config.autopilot)
+        self._situations = Situations(self._course, intake, self.knowledge)
+        self._observer = Observer(config.mission, self._gate, self._targets, self._frame, recorder)
+        self._refusals = Refusals(recorder)
         self._streaming = False
-        self._took_off = False
-        self._stood_still_ns = 0
-        """What the vehicle had told of our clock when it was engaged."""
-        self._refusals: tuple[str, ...] = ()
-        self._refused_ns: int | None = None
         self._tick_ns: int | None = None
-        self._stream_ns: int | None = None
-        """When the newest set point of the stream went out, or the stream began; in preflight the last tick, since what
-        it looked at grows old; else None."""
 
     @property
     def state(self) -> State:
@@ -113,7 +122,7 @@ class Flight:
 
     def is_ticking(self) -> bool:
         """Whether the loop has ticked within the last second."""
-        return self._age_s(self._tick_ns) < 1.0
+        return age_s(self._tick_ns, self._clock.now_ns()) < 1.0
 
     def status(self) -> dict[str, Any]:
         """For a person: what is going on, angles in degrees."""
@@ -142,53 +151,28 @@ class Flight:
         """The loop ends, because the service is stopped or because any of its parts has failed. Whether we flew."""
         with self._clock.event() as now_ns:
             self._recorder.record(END, now_ns, Tick(now_ns))
-            flying = self._streaming or (self.state is State.TAKING_OFF and self._took_off)
+            flying = self._streaming or self._situations.is_taking_off
             self._streaming = False
             self._course.end(now_ns)
             return flying
 
     def _turn(self, now_ns: int, slept_s: float) -> None:
         self._tick_ns = now_ns
-        vehicle = self._autopilot.state()
-        for event in self._autopilot.take_events():
-            self._recorder.record(AUTOPILOT_EVENT, event.t_mono_ns, event)
-        if vehicle.p_local_enu_m is not None and vehicle.position_mono_ns is not None:
-            self._sar.add_local_position(vehicle.position_mono_ns, vehicle.p_local_enu_m)
-        if vehicle.yaw_enu_rad is not None and self._age_s(vehicle.position_mono_ns) < 0.5:
-            self._intake.add_heading(now_ns, vehicle.yaw_enu_rad)
+        vehicle = self._feed.take(now_ns)
         self._follow_frame(vehicle, now_ns)
         self._origin.tick(vehicle, now_ns)
-        self._took_off |= self.state is State.TAKING_OFF and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
+        self._situations.see(vehicle)
         self.wishes.watch_switch(vehicle)
-        worst = self._course.worst(conditions(self.state, self._situation(vehicle, now_ns, slept_s), self._limits))
+        situation = self._situations.now(vehicle, now_ns, slept_s)
+        worst = self._course.worst(conditions(self.state, situation, self._limits))
         if worst is not None:
             self._step(worst, vehicle, now_ns)
         if self._streaming:
             self._send_setpoint(vehicle, now_ns)
         elif self._observes:
-            self._observe(vehicle, now_ns)
-        if self._streaming:
-            self._stream_ns = self._stream_ns or now_ns
-        else:
-            self._stream_ns = now_ns if self.state is State.PREFLIGHT else None
-
-    def _situation(self, vehicle: VehicleState, now_ns: int, slept_s: float) -> Situation:
-        p_m = vehicle.p_local_enu_m
-        return Situation(
-            vehicle=vehicle,
-            now_ns=now_ns,
-            in_state_s=age_s(self._course.since_ns, now_ns),
-            took_off=self._took_off,
-            pose_age_s=self._intake.age_s(),
-            pose_failed=self._intake.is_lost(),
-            target_age_s=self.knowledge.age_s(),
-            blind_legs=self.knowledge.blind_legs,
-            tries=self.knowledge.tries,
-            stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
-            stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
-            slept_s=slept_s,
-            target_near=p_m is not None and self._targets.is_near(p_m),
-        )
+            self._measure(now_ns, True)
+            self._observer.note(vehicle, now_ns)
+        self._situations.end_tick(now_ns, self._streaming)
 
     def _step(self, event: Event, vehicle: VehicleState, now_ns: int) -> None:
         before, actions = self.state, self._course.step(event, now_ns)
@@ -206,7 +190,7 @@ class Flight:
         commands, config = self._commands, self._config.mission
         match action:
             case Action.RUN_PREFLIGHT:
-                self._took_off, self._stood_still_ns = vehicle.in_air, vehicle.stood_still_ns
+                self._situations.begin_anew(vehicle)
                 self.knowledge.begin_anew()
                 self._engagement.check_again(self._course)
             case Action.ARM_AND_TAKE_OFF:
@@ -235,25 +219,24 @@ class Flight:
 
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
-        if moving:
-            self._sar.begin()
-            self._sar.slide(now_ns)
-        else:
-            self._sar.abandon()
+        self._measure(now_ns, moving)
         setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving)
         if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
-        is_new = not self._refusals or self._age_s(self._refused_ns) >= _REFUSED_AGAIN_S
-        if verdict.reasons and is_new and not self._frame.is_stepping(now_ns):
-            self._refused_ns = now_ns
+        if self._refusals.note(verdict.reasons, now_ns, self._frame.is_stepping(now_ns)):
             self._give_up_leg(verdict.reasons, vehicle)
-        if verdict.reasons != self._refusals:
-            self._refusals = verdict.reasons
-            self._recorder.record(GATE, now_ns, GateReport(now_ns, verdict.reasons))
         if verdict.setpoint is not None:
             self._send(verdict.setpoint)
+
+    def _measure(self, now_ns: int, moving: bool) -> None:
+        """Apertures are cut from a path that is flown, not from a stand."""
+        if moving:
+            self._sar.begin()
+            self._sar.slide(now_ns)
+        else:
+            self._sar.abandon()
 
     def _send(self, setpoint: Setpoint) -> None:
         try:
@@ -261,7 +244,7 @@ class Flight:
         except AutopilotError as error:
             self._report(Event.LINK_LOST, str(error))
             return
-        self._stream_ns = setpoint.t_mono_ns
+        self._situations.note_sent(setpoint.t_mono_ns)
         self._recorder.record(SETPOINT, setpoint.t_mono_ns, setpoint)
 
     def _give_up_leg(self, reasons: tuple[Reason, ...], vehicle: VehicleState) -> None:
@@ -272,9 +255,8 @@ class Flight:
         _log.warning(self._course.reason)
         self.knowledge.note_blind_leg()
         self._sar.abandon()
-        if (p_m := vehicle.p_local_enu_m) is None:
-            return
-        self._begin_path(inside(p_m, self._gate.limits), vehicle)
+        if vehicle.p_local_enu_m is not None:
+            self._begin_path(inside(vehicle.p_local_enu_m, self._gate.limits), vehicle)
 
     def _begin_path(self, p_m: Vector3, vehicle: VehicleState) -> None:
         v_m_s = vehicle.v_local_enu_m_s or (0.0, 0.0, 0.0)
@@ -289,21 +271,8 @@ class Flight:
             self.knowledge.targets.shift(delta_m)
             self._sar.abandon()
 
-    def _observe(self, vehicle: VehicleState, now_ns: int) -> None:
-        self._sar.begin()
-        self._sar.slide(now_ns)
-        target, p_m, frame = self._targets.target, vehicle.p_local_enu_m, self._frame
-        if target is not None and p_m is not None:
-            height_m = frame.ground_m + self._config.mission.takeoff_height_m
-            wanted = would_be_setpoint(now_ns, p_m, target.azimuth_rad, self._config.mission, height_m)
-            verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), frame.ground_m)
-            self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
-
     def _report(self, event: Event | None, reason: str) -> None:
         """What a command ended in, and why it failed."""
         with self._clock.event() as now_ns:
             self._recorder.record(COMMAND, now_ns, CommandOutcome(now_ns, event, reason))
             self._course.report(event, reason)
-
-    def _age_s(self, t_ns: int | None) -> float:
-        return age_s(t_ns, self._clock.now_ns())

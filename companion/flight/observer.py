@@ -7,9 +7,37 @@ from __future__ import annotations
 import math
 
 from companion.config.schema import MissionConfig
-from companion.core.messages import Setpoint, Vector3
+from companion.core.messages import Setpoint, Vector3, VehicleState
+from companion.core.recorder import Recorder
+from companion.core.streams import OBSERVED
+from companion.flight.local_frame import LocalFrame
+from companion.flight.records import ObservedSetpoint
+from companion.guidance.targets import Targets
+from companion.safety.gate import Gate
 
 _LEAD_S = 0.5
+
+
+class Observer:
+    def __init__(
+        self, mission: MissionConfig, gate: Gate, targets: Targets, frame: LocalFrame, recorder: Recorder
+    ) -> None:
+        self._mission = mission
+        self._gate = gate
+        self._targets = targets
+        self._frame = frame
+        self._recorder = recorder
+
+    def note(self, vehicle: VehicleState, now_ns: int) -> None:
+        """Records what would be sent at this tick, and what the gate says to it."""
+        target, p_m, ground_m = self._targets.target, vehicle.p_local_enu_m, self._frame.ground_m
+        if target is None or p_m is None:
+            return
+        wanted = would_be_setpoint(
+            now_ns, p_m, target.azimuth_rad, self._mission, ground_m + self._mission.takeoff_height_m
+        )
+        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), ground_m)
+        self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 
 
 def would_be_setpoint(

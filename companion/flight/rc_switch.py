@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from companion.config.schema import AutopilotConfig
 from companion.core.inputs import Event
 
 
@@ -22,3 +23,9 @@ class RcSwitch:
         if before is None or self._was_up is None or before is self._was_up:
             return None
         return Event.ENGAGE if self._was_up else Event.ABORT
+
+
+def configured_switch(config: AutopilotConfig) -> RcSwitch | None:
+    """The one that a configuration names, if it names one."""
+    channel = config.engage_rc_channel
+    return None if channel is None else RcSwitch(channel, config.engage_rc_above_us)

@@ -283,7 +283,7 @@ async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
                 await service.tick()
                 if index == 2 * _RATE_HZ:
                     assert await service.flight.wishes.engage() == ""
-                refused += bool(service.flight._refusals) and service.flight._streaming
+                refused += bool(service.flight._refusals.reasons) and service.flight._streaming
                 farthest_m = max(farthest_m, math.hypot(*service.autopilot.commander.airframe.p_enu_m[:2]))
                 if service.flight.state not in states[-1:]:
                     states.append(service.flight.state)

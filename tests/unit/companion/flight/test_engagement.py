@@ -97,8 +97,15 @@ class _Ground:
         self.events = EventClock(self.clock)
         others: Any = self.others
         self.engagement = Engagement(
-            config, self.events, others, others, self.autopilot, others, self.kept, look or self._look,  # type: ignore[arg-type]
-        )  # fmt: skip
+            config=config,
+            clock=self.events,
+            intake=others,
+            knowledge=others,
+            autopilot=self.autopilot,  # type: ignore[arg-type]
+            sar=others,
+            recorder=self.kept,
+            look=look or self._look,
+        )
         self.looks = 0
         self.course = Course(self.events, self.kept)
 

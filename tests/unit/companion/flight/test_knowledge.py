@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from companion.config.schema import ApertureConfig, MissionConfig
+from companion.config.file import load_config
+from companion.config.schema import ApertureConfig
 from companion.core.clock import NS_PER_S, ManualClock
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
@@ -17,12 +19,16 @@ from companion.flight.local_frame import LocalFrame
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.sensing.records import Iteration
+from tests.paths import CONFIGS
 from tests.unit.companion.flight.kept import Kept
 from wsr.aoa import AoaEstimate
 
 _TARGET, _OTHER = 2, 3
 _NOW_NS = 100 * NS_PER_S
-_CONFIG = ApertureConfig(min_reliability=0.5, blind_legs=3, silent_s=2.0)
+_CONFIG = replace(
+    load_config(CONFIGS / "uav.yaml"),
+    aperture=ApertureConfig(min_reliability=0.5, blind_legs=3, silent_s=2.0),
+)
 
 
 class _Sar:
@@ -43,15 +49,13 @@ class _Known:
         self.course = Course(clock, self.kept)
         neighbours = {peer: Neighbour(peer, str(peer)) for peer in (_TARGET, _OTHER)}
         self.knowledge = Knowledge(
-            _CONFIG,
-            clock,
-            self.kept,
-            neighbours,
-            _TARGET,
-            self.sar,  # type: ignore[arg-type]
-            self.course,
-            MissionConfig(),
-            LocalFrame(),
+            config=_CONFIG,
+            clock=clock,
+            recorder=self.kept,
+            neighbours=neighbours,
+            sar=self.sar,  # type: ignore[arg-type]
+            course=self.course,
+            frame=LocalFrame(),
         )
         neighbours[_TARGET].heard_ns = _NOW_NS
         for event in (Event.ENGAGE, Event.PREFLIGHT_PASSED, Event.AIRBORNE, Event.OFFBOARD_CONFIRMED):

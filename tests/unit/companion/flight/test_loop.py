@@ -37,7 +37,10 @@ _ABOUT_THE_FLIGHT = (
     "origin",
     "rc_switch",
     "records",
+    "refusals",
+    "situation",
     "status",
+    "vehicle_feed",
     "wishes",
 )
 

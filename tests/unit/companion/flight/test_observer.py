@@ -1,13 +1,46 @@
-"""Observe mode: what it would send."""
+"""Observe mode: what it would send, and that it is judged and written down."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict, replace
 
 import pytest
 
-from companion.config.schema import MissionConfig
-from companion.flight.observer import would_be_setpoint
+from companion.config.schema import GateConfig, MissionConfig
+from companion.core.messages import FlightMode, VehicleState
+from companion.flight.local_frame import LocalFrame
+from companion.flight.observer import Observer, would_be_setpoint
+from companion.guidance.targets import Targets
+from companion.guidance.tracker import Target
+from companion.safety.gate import Gate, GateLimits, Reason
+from tests.unit.companion.flight.kept import Kept
+
+_MISSION = MissionConfig(speed_m_s=0.4, takeoff_height_m=1.5)
+_NORTH = Target(0, math.pi / 2, (0.0, 9.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 1, 9.0, 1.0, 0.9)
+_CARRIED = VehicleState(
+    t_mono_ns=5, mode=FlightMode.MANUAL, position_mono_ns=5, p_local_enu_m=(1.0, 2.0, 1.4),
+    v_local_enu_m_s=(0.0, 0.0, 0.0), yaw_enu_rad=0.0,
+)  # fmt: skip
+
+
+class _Known(Targets):
+    """Knows of one target, or of none."""
+
+    def __init__(self, target: Target | None) -> None:
+        super().__init__({}, 2, 1.0, 0.9)
+        self.known = target
+
+    @property
+    def target(self) -> Target | None:
+        return self.known
+
+
+def _noted(target: Target | None, vehicle: VehicleState) -> Kept:
+    kept = Kept()
+    gate = Gate(GateLimits(**asdict(GateConfig())))
+    Observer(_MISSION, gate, _Known(target), LocalFrame(), kept).note(vehicle, 5)
+    return kept
 
 
 def test_what_would_be_sent_leads_to_the_target_at_flying_height() -> None:
@@ -15,3 +48,18 @@ def test_what_would_be_sent_leads_to_the_target_at_flying_height() -> None:
     assert wanted.p_local_enu_m == pytest.approx((1.0, 2.2, 1.5)) and wanted.v_local_enu_m_s == pytest.approx(
         (0, 0.4, 0)
     )
+
+
+def test_it_is_written_down_with_what_the_gate_says_to_it() -> None:
+    for z_m, reasons in ((1.4, ()), (9.0, (Reason.LEAD,))):
+        p_m = (1.0, 2.0, z_m)
+        kept = _noted(_NORTH, replace(_CARRIED, p_local_enu_m=p_m))
+        ((_, t_ns, message),) = kept.messages
+        assert kept.topics == ["/observed_setpoint"] and t_ns == 5
+        assert message.setpoint == would_be_setpoint(5, p_m, math.pi / 2, _MISSION, 1.5)
+        assert message.reasons == reasons
+
+
+def test_nothing_is_where_no_target_or_no_place_is_known() -> None:
+    assert _noted(None, _CARRIED).messages == []
+    assert _noted(_NORTH, VehicleState(t_mono_ns=5)).messages == []

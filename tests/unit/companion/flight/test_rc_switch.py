@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from companion.config.schema import AutopilotConfig
 from companion.core.inputs import Event
-from companion.flight.rc_switch import RcSwitch
+from companion.flight.rc_switch import RcSwitch, configured_switch
 
 _UP, _DOWN = 1900, 1100
 
@@ -26,3 +27,10 @@ def test_a_switch_that_is_up_at_the_start_or_after_rc_was_lost_engages_nothing()
 
 def test_a_channel_the_receiver_does_not_have_is_no_switch() -> None:
     assert RcSwitch(channel=18, above_us=1700).update((1500,) * 8) is None
+
+
+def test_a_configuration_names_one_or_none() -> None:
+    assert configured_switch(AutopilotConfig("udpin://127.0.0.1:1")) is None
+    switch = configured_switch(AutopilotConfig("udpin://127.0.0.1:1", engage_rc_channel=1, engage_rc_above_us=1400))
+    assert switch is not None
+    assert [switch.update((us,)) for us in (1390, 1410)] == [None, Event.ENGAGE]
