@@ -18,6 +18,7 @@ from companion.neighbours.link import Link
 from companion.neighbours.neighbour import Standing
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
+from companion.sim.stage import free_udp_port
 from tests.datagrams import KEY, KEYS, boot, datagram
 from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
@@ -78,7 +79,7 @@ def test_fault_20_a_good_key_does_not_excuse_a_broken_datagram() -> None:
 
 def test_fault_20_a_flood_of_forgeries_costs_little_of_a_core(tmp_path: Path) -> None:
     """Ten thousand a second through the socket; judged generously, since machines are noisy."""
-    config = Config("beacon", 1, "us", CsiConfig(108), NeighbourConfig("k", _free_port()), [])
+    config = Config("beacon", 1, "us", CsiConfig(108), NeighbourConfig("k", free_udp_port("127.255.255.255")), [])
     link, listening = Link(config), receiver(ManualClock(5))
     forged = wire.encode(datagram(), b"x" * 32)
     count, batch = runs(5_000, 50_000), 100
@@ -198,9 +199,3 @@ def _captured(book: BootBook, count: int) -> list[bytes]:
         sender.add_pose(t_ns, (0.0, 0.0, 0.0), 3)
         made += sender.datagrams(t_ns + 1)
     return made
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.255.255.255", 0))
-        return int(probe.getsockname()[1])
