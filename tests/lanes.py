@@ -49,10 +49,10 @@ class Lane:
         return _OUT / f"{self.name}.txt"
 
 
-def _real_time(name: str, *modules: str) -> Lane:
-    """Modules of tests/sitl one after the other."""
+def _real_time(name: str, *paths: str) -> Lane:
+    """Modules and folders of tests/sitl, one after the other."""
     cache = f"cache_dir={_OUT / name}.cache"
-    command = (*_PYTEST, "-o", cache, *(f"tests/sitl/test_{module}.py" for module in modules))
+    command = (*_PYTEST, "-o", cache, *(f"tests/sitl/{path}" for path in paths))
     # What an earlier run left of failures is no answer to this one.
     return Lane(
         name, (*command, "--cache-clear"), alone=(*command, "--last-failed", "--last-failed-no-failures", "none")
@@ -61,19 +61,21 @@ def _real_time(name: str, *modules: str) -> Lane:
 
 _FLIGHTS: Final = (
     ("flight", "flight"),
-    ("demo", "demo", "mission", "observe"),
+    ("demo", "test_demo.py", "test_mission.py", "test_observe.py"),
 )
-"""Those that take longest, in lanes of about the same length; all other modules of tests/sitl share one more."""
+"""Those that take longest, in lanes of about the same length; all others of tests/sitl share one more."""
 
 
 def lanes() -> list[Lane]:
     """Those that take longest first."""
-    named = {module for _, *modules in _FLIGHTS for module in modules}
-    others = sorted(path.stem.removeprefix("test_") for path in (_ROOT / "tests" / "sitl").glob("test_*.py"))
+    named = {path for _, *paths in _FLIGHTS for path in paths}
+    sitl = _ROOT / "tests" / "sitl"
+    # A folder shares its fixtures, so it is one.
+    every = {path.relative_to(sitl).parts[0] for path in sitl.rglob("test_*.py")}
     computing = ("tests/unit", "tests/property", "tests/golden", "tests/faults")
     return [
         *(_real_time(*lane) for lane in _FLIGHTS),
-        _real_time("edges", *(module for module in others if module not in named)),
+        _real_time("edges", *sorted(every - named)),
         # A thread for each worker: where there are more of BLAS than cores, they spin for each other.
         Lane("computing", (*_NICE, *_PYTEST, "-n", "2", *computing), ONE_THREAD),
         Lane("checks", (*_NICE, "make", "--silent", "check")),

@@ -32,6 +32,7 @@ from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.sensing.window import ApertureReport, SarWindow
+from companion.sim.stage import free_udp_port
 from csi_bridge.netlink import NetlinkFeeder
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CsiRecord
@@ -271,7 +272,7 @@ def _robots(
     """The receiving robot first. Tapes start together as the air did; clocks differ as they did."""
     kind, _ = transport()
     rx_mac = next(mac for part, mac in RX_MAC.items() if part in str(run.folder.resolve()))
-    port = _free_port()
+    port = free_udp_port("127.255.255.255")
     ids = {name: number for number, name in enumerate(macs, 2)}
     start_s = float(rx.t_s[0]) - 0.05
     robots = []
@@ -336,9 +337,3 @@ def _counted(tape: Tape, mac: str) -> dict[int, float]:
         if isinstance(record, CsiRecord) and record.mac == wanted and record.frame_count is not None:
             found[record.frame_count] = t_s
     return found
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.255.255.255", 0))
-        return int(probe.getsockname()[1])

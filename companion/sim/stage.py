@@ -66,7 +66,7 @@ def set_stage(
     reason = (connector_available() or "") if use_netlink else "it was asked for"
     transport = "unix" if reason else "netlink"
     claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
-    mavlink_port, neighbour_port = _free_udp_port("127.0.0.1"), _free_udp_port("127.255.255.255")
+    mavlink_port, neighbour_port = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
     uav = load_config(_CONFIGS / "demo-uav.yaml")
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
     uav = dataclasses.replace(
@@ -258,7 +258,7 @@ def _write_key(path: Path, key: bytes) -> None:
         file.write(key)
 
 
-def _free_udp_port(address: str) -> int:
+def free_udp_port(address: str) -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((address, 0))
         port = probe.getsockname()[1]

@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 import tempfile
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
@@ -99,6 +100,11 @@ class Flying:
     async def in_state(self, *states: str, timeout_s: float = 60.0) -> dict[str, Any]:
         return await self.until(lambda status: status["state"] in states, timeout_s)
 
+    async def seconds_until_latched(self, since_s: float, timeout_s: float) -> float:
+        """From `since_s` on the monotonic clock."""
+        await self.in_state("latched", timeout_s=timeout_s)
+        return time.monotonic() - since_s
+
     async def engage(self, timeout_s: float = 60.0) -> None:
         await engage(self.stage.control_socket, timeout_s)
 
@@ -120,6 +126,16 @@ class Flying:
         """A person ends what the service is about."""
         assert (await self.command("abort"))["ok"]
         await self.in_state("latched", timeout_s=3.0)
+
+    async def stand(self) -> None:
+        """Have the vehicle stand disarmed on the ground, and the service at rest."""
+        if (await self.until(lambda status: True))["state"] not in ("idle", "latched"):
+            await self.let_go()
+        if not (await self.px4()).landed:
+            await self.px4("pilot LAND")
+        while (await self.px4()).armed:  # noqa: ASYNC110 - it is polled
+            await asyncio.sleep(0.1)
+        await self.px4("pilot HOLD")
 
     async def restart(self) -> None:
         """Start the service again, after it has ended."""

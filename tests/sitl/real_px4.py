@@ -27,6 +27,7 @@ from companion.core.messages import FlightMode, Vector3
 from companion.host.priority import LOOP_PRIORITY
 from companion.sim import truth
 from companion.sim.px4.parameters import field_and_kind
+from companion.sim.stage import free_udp_port
 
 OFFBOARD_PORT: Final = 14540
 _GROUND_PORT: Final = 14550
@@ -85,14 +86,11 @@ class RealPx4:
         """Flags of ESTIMATOR_STATUS."""
         self.started: list[float] = []
         """When its clock (SYSTEM_TIME) was seen to begin anew."""
-        self.service_port = 0
+        self.service_port = free_udp_port("127.0.0.1")
         self._sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)]
         self._offboard, self._service, self._ground, self._truth = self._sockets
         for one, port in zip(self._sockets, (OFFBOARD_PORT, 0, _GROUND_PORT, _TRUTH_PORT), strict=True):
             one.bind(("127.0.0.1", port))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.service_port = probe.getsockname()[1]
         self._peers: dict[socket.socket, Address] = {}
         self._codecs = {one: mavlink.MAVLink(None, 255, 190) for one in self._sockets}
         for codec in self._codecs.values():

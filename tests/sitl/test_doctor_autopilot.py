@@ -15,13 +15,14 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config.file import load_config, save_config
 from companion.config.schema import AutopilotConfig
+from companion.sim.stage import free_udp_port
 from tests.paths import CONFIGS
 
 _RIGHT = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=3")
 
 
 def test_it_names_the_vehicle_and_its_parameters(tmp_path: Path) -> None:
-    port = _free_port()
+    port = free_udp_port("127.0.0.1")
     with _mock(port, *_RIGHT):
         code, out, err = _doctor(tmp_path, port)
     assert (code, err) == (0, "")
@@ -31,7 +32,7 @@ def test_it_names_the_vehicle_and_its_parameters(tmp_path: Path) -> None:
 
 
 def test_each_wrong_parameter_is_a_line(tmp_path: Path) -> None:
-    port = _free_port()
+    port = free_udp_port("127.0.0.1")
     with _mock(port, *_RIGHT[1:]):
         code, out, err = _doctor(tmp_path, port)
     assert code == 1 and err == "companion: not ready: parameter\n"
@@ -39,7 +40,7 @@ def test_each_wrong_parameter_is_a_line(tmp_path: Path) -> None:
 
 
 def test_what_is_no_px4_is_refused_in_one_line(tmp_path: Path) -> None:
-    port = _free_port()
+    port = free_udp_port("127.0.0.1")
     with _ardupilot(port):
         code, out, err = _doctor(tmp_path, port, "--seconds", "2")
     assert code == 1 and err == "companion: not ready: vehicle\n"
@@ -86,11 +87,3 @@ def _ardupilot(port: int) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-        assert isinstance(port, int)
-        return port

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import statistics
 import subprocess
 import sys
@@ -15,17 +14,12 @@ import pytest
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
 from companion.sim.px4.process import Px4Process
-
-
-def _unused_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+from companion.sim.stage import free_udp_port
 
 
 def test_truth_is_sent_at_100_hz_and_a_missing_receiver_does_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "truth.sock"
-    with Px4Process(_unused_port(), tmp_path, "--truth", str(path), "--yaw", "0.5") as px4:
+    with Px4Process(free_udp_port("127.0.0.1"), tmp_path, "--truth", str(path), "--yaw", "0.5") as px4:
         time.sleep(0.2)
         for _ in range(2):  # the receiver goes and comes back
             with bind_datagram_socket(path) as receiver:
@@ -39,7 +33,7 @@ def test_truth_is_sent_at_100_hz_and_a_missing_receiver_does_no_harm(tmp_path: P
 
 
 def test_an_order_it_does_not_know_is_an_error(tmp_path: Path) -> None:
-    with Px4Process(_unused_port(), tmp_path) as px4, pytest.raises(ValueError, match="order 'dance'"):
+    with Px4Process(free_udp_port("127.0.0.1"), tmp_path) as px4, pytest.raises(ValueError, match="order 'dance'"):
         px4.order("dance")
 
 

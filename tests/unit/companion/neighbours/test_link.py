@@ -15,6 +15,7 @@ from companion.neighbours import link as module
 from companion.neighbours.link import Link
 from companion.neighbours.sender import NeighbourSender
 from companion.neighbours.wire import Role
+from companion.sim.stage import free_udp_port
 from tests.paths import CONFIGS
 
 _DEMO = load_config(CONFIGS / "demo-uav.yaml")
@@ -39,15 +40,9 @@ class _Mute:
 
 @pytest.fixture
 def link() -> Any:
-    made = Link(replace(_DEMO, neighbours=replace(_DEMO.neighbours, port=_free_port())))
+    made = Link(replace(_DEMO, neighbours=replace(_DEMO.neighbours, port=free_udp_port("127.0.0.1"))))
     yield made
     made.close()
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_no_route_is_told_once_and_a_new_socket_is_tried(link: Link, caplog: pytest.LogCaptureFixture) -> None:
