@@ -24,6 +24,7 @@ from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
 from companion.radio.card import Radio
+from companion.replay.recorded import RecordedCsi
 from companion.sensing.window import SarWindow
 from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
@@ -33,7 +34,7 @@ from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, FeitRecord
 from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
 from csi_bridge.records import CSI_CODE, CsiRecord
-from csi_bridge.source import CsiSource, SourceCounters
+from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixFeeder, UnixSource
 
 RATE_HZ = 150.0
@@ -180,21 +181,6 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event,
     done.set()
 
 
-class _Tape:
-    counters = SourceCounters()
-
-    def __init__(self, bodies: list[tuple[int, bytes]]) -> None:
-        self._bodies = bodies
-
-    def fileno(self) -> int:
-        return -1
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        return self._bodies
-
-    def close(self) -> None: ...
-
-
 def _take_all(bodies: list[tuple[int, bytes]]) -> None:
     clock = ManualClock(NS_PER_S)
     receiver = NeighbourReceiver(1, {i: str(i) for i in range(2, 5)}, {i: [_KEY] for i in range(2, 5)}, clock)
@@ -204,7 +190,9 @@ def _take_all(bodies: list[tuple[int, bytes]]) -> None:
         receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
         window.add_sample(sample)
 
-    Radio(_Tape(bodies), {_mac(i): i for i in range(2, 5)}, clock, on_sample, lambda *_: None).drain()
+    source = RecordedCsi()
+    source.add(bodies)
+    Radio(source, {_mac(i): i for i in range(2, 5)}, clock, on_sample, lambda *_: None).drain()
 
 
 def _datagram() -> bytes:

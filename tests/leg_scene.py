@@ -13,6 +13,7 @@ from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
 from companion.radio.card import ChannelSample, Radio
+from companion.replay.recorded import RecordedCsi
 from companion.roles.beacon import Beacon
 from companion.sensing.window import ApertureReport, SarWindow
 from companion.sim.radio import simulate_exchanges
@@ -20,7 +21,6 @@ from companion.sim.scenario import RadioScenario
 from companion.sim.trajectory import Trajectory
 from csi_bridge.encoder import encode_body
 from csi_bridge.records import CSI_CODE, CsiRecord
-from csi_bridge.source import SourceCounters
 from tests.sim_scenes import BEACON_MAC, UAV_MAC, scene, straight, weave
 from wsr.channel import wavelength_m
 from wsr.estimators.robust import Robust
@@ -33,30 +33,13 @@ OTHER_CLOCK_NS = 5_000 * NS_PER_S
 """The beacon's monotonic clock differs from ours by this: nothing may depend on it."""
 
 
-class Tape:
-    """A CSI source that gives one body at a time."""
-
-    def __init__(self) -> None:
-        self.bodies: list[tuple[int, bytes]] = []
-        self.counters = SourceCounters()
-
-    def fileno(self) -> int:
-        return -1
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        bodies, self.bodies = self.bodies, []
-        return bodies
-
-    def close(self) -> None: ...
-
-
 def mac(text: str) -> bytes:
     return bytes.fromhex(text.replace(":", ""))
 
 
 def play(records: Iterable[CsiRecord], peers: dict[bytes, int], base_ns: int) -> list[ChannelSample]:
     """The samples of one card whose host reads each record 0.2 ms after the packet."""
-    clock, tape = ManualClock(), Tape()
+    clock, tape = ManualClock(), RecordedCsi()
     samples: list[ChannelSample] = []
     radio = Radio(tape, peers, clock, samples.append, lambda *_: None)
     wall_ns: int | None = None
@@ -64,7 +47,7 @@ def play(records: Iterable[CsiRecord], peers: dict[bytes, int], base_ns: int) ->
         assert record.host_time_ns is not None
         wall_ns = record.host_time_ns if wall_ns is None else wall_ns
         clock.advance((base_ns + record.host_time_ns - wall_ns + 200_000 - clock.now_ns()) / NS_PER_S)
-        tape.bodies.append((CSI_CODE, encode_body(record)))
+        tape.add([(CSI_CODE, encode_body(record))])
         radio.drain()
     return samples
 

@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, age_s
 from companion.core.messages import Pose
 
 _KEPT: Final = 256
@@ -103,7 +103,7 @@ class PoseHealth:
         return self._failing_ns is not None and now_ns - self._failing_ns >= self._limits.failed_s * NS_PER_S
 
     def age_s(self, now_ns: int) -> float:
-        return math.inf if self._newest is None else (now_ns - self._newest.t_mono_ns) / NS_PER_S
+        return age_s(None if self._newest is None else self._newest.t_mono_ns, now_ns)
 
     def status(self, now_ns: int) -> PoseStatus:
         age_s, rate_hz = self.age_s(now_ns), self._rate_hz(now_ns)

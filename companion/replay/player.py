@@ -224,7 +224,7 @@ class Player:
     def _handle_input(self, topic: str, data: bytes, payloads: list[bytes]) -> None:
         uav = self.uav
         if topic == CSI.topic:
-            self._inputs.csi.records = [(record[0], record[1:]) for record in payloads]
+            self._inputs.csi.add((record[0], record[1:]) for record in payloads)
             uav.node.take_csi()
         elif topic == POSE_IN.topic:
             self._inputs.poses.resets = int.from_bytes(data[-4:], "little")

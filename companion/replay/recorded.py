@@ -9,7 +9,7 @@ import os
 import select
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Final
 
@@ -50,8 +50,12 @@ class RecordedCsi:
     """A `CsiSource` that gives the records of the event at hand."""
 
     def __init__(self) -> None:
-        self.records: list[tuple[int, bytes]] = []
+        self._records: list[tuple[int, bytes]] = []
         self._drained = 0
+
+    def add(self, records: Iterable[tuple[int, bytes]]) -> None:
+        """Code and body of each, for the next `drain`."""
+        self._records += records
 
     @property
     def counters(self) -> SourceCounters:
@@ -61,7 +65,7 @@ class RecordedCsi:
         return -1
 
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        records, self.records = self.records, []
+        records, self._records = self._records, []
         self._drained += len(records)
         return records
 

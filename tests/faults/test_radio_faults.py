@@ -16,6 +16,7 @@ from companion.core.clock import NS_PER_S, ManualClock
 from companion.core.messages import Vector3
 from companion.mission.table import State
 from companion.radio.card import ChannelSample, Radio
+from companion.replay.recorded import RecordedCsi
 from companion.sim.scenario import RadioScenario
 from companion.study.link import scenario
 from companion.study.virtual_clock import VirtualClock
@@ -182,22 +183,15 @@ class _Mute:
 
 def test_layout_34_and_40_mhz_and_stock_records_are_told_apart() -> None:
     clock, samples = ManualClock(NS_PER_S), list[ChannelSample]()
-
-    class Tape:
-        bodies: list[tuple[int, bytes]]
-
-        def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-            return self.bodies
-
-    tape = Tape()
-    tape.bodies = [
+    tape = RecordedCsi()
+    tape.add([
         (CSI_CODE, encode_body(record(layout=20))),
         (CSI_CODE, encode_body(record(layout=34))),
         (CSI_CODE, encode_body(dataclasses.replace(record(), rate=0x101 | 0x800))),
         (CSI_CODE, encode_body(record(n_tx=2))),
         (0x42, b"of another kind"),
-    ]
-    radio = Radio(tape, {MAC: 2}, clock, samples.append, lambda *_: None)  # type: ignore[arg-type]
+    ])  # fmt: skip
+    radio = Radio(tape, {MAC: 2}, clock, samples.append, lambda *_: None)
     radio.drain()
     counters = radio.counters
     assert (counters.records, counters.samples, counters.no_sender, counters.wide) == (4, 2, 1, 1)

@@ -20,13 +20,13 @@ from companion.config.schema import AutopilotConfig
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
-from companion.sim import truth
 from companion.sim.operator import engage
 from companion.sim.px4 import report
 from companion.sim.px4.report import Px4Report
 from companion.sim.scenario import encode_scenario
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
+from tests.sitl.watching import listen
 
 SEED = 5
 HOLD_LIMIT_S = 9.0
@@ -174,7 +174,7 @@ async def flying(
             options = ("--control", control)
             async with Cast(stage, out, *options, service=_SERVICE, has_mock=not real_url) as cast:
                 flight = Flying(stage, cast, out, reports)
-                listener = asyncio.create_task(_listen(truths, flight.truths))
+                listener = asyncio.create_task(listen(truths, flight.truths))
                 try:
                     yield flight
                 finally:
@@ -198,8 +198,3 @@ def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot
     scenario = replace(stage.scenario, uav=replace(stage.scenario.uav, pose_socket=str(lens)))
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
     return replace(stage, uav=uav, scenario=scenario)
-
-
-async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
-    while True:
-        truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))

@@ -6,25 +6,21 @@ import asyncio
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from companion.errors import CompanionError
-from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.log.reader import read_log
-from companion.sim import truth
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
 from companion.sim.truth import WorldTruth
 from tests.sitl.topics import SERVICE_TOPICS
+from tests.sitl.watching import listen, until
 
 SEED = 3
 
@@ -120,8 +116,8 @@ async def test_after_kill_9_no_set_point_comes_and_no_process_stays(tmp_path: Pa
         with bind_datagram_socket(stage.truth_socket) as sock:
             async with Cast(stage, tmp_path) as cast:
                 await engage(stage.control_socket, 90.0)
-                await _until(lambda status: status["state"] == "approaching", stage.control_socket)
-                listening = asyncio.create_task(_listen(sock, truths))
+                await until(stage.control_socket, lambda status: status["state"] == "approaching")
+                listening = asyncio.create_task(listen(sock, truths))
                 pid = cast.pid("uav")
                 children = _children(pid)
                 assert children
@@ -137,25 +133,9 @@ async def test_after_kill_9_no_set_point_comes_and_no_process_stays(tmp_path: Pa
                 assert not any(map(_is_alive, children))
 
 
-async def _until(condition: Callable[[dict[str, Any]], bool], control: Path) -> None:
-    async with asyncio.timeout(90):
-        while True:
-            await asyncio.sleep(0.1)
-            try:
-                if condition(await ask(control, "status")):
-                    return
-            except CompanionError:
-                continue
-
-
 def _children(pid: int) -> list[str]:
     return Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
 
 
 def _is_alive(pid: str) -> bool:
     return Path(f"/proc/{pid}").exists()
-
-
-async def _listen(sock: socket.socket, truths: list[WorldTruth]) -> None:
-    while True:
-        truths.append(truth.decode_world(await asyncio.get_running_loop().sock_recv(sock, 4096)))

@@ -14,7 +14,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,7 +22,6 @@ from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Tick
 from companion.core.streams import CSI, POSE_IN, SETPOINT, TICK
-from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.log.info import inspect
@@ -33,10 +31,11 @@ from companion.log.recorder import McapRecorder
 from companion.log.repair import repair
 from companion.sim.operator import engage
 from companion.sim.stage import Cast, set_stage
-from companion.sim.truth import WorldTruth, decode_world
+from companion.sim.truth import WorldTruth
 from tests.faults import figures
 from tests.faults.campaigns import runs
 from tests.paths import CONFIGS
+from tests.sitl.watching import listen, until
 
 CONFIG = load_config(CONFIGS / "uav.yaml")
 KILLS = runs(4, 100)
@@ -148,14 +147,13 @@ async def test_fault_26_a_full_disk_never_disturbs_the_set_point_stream(small_di
         truths: list[WorldTruth] = []
         with bind_datagram_socket(stage.truth_socket) as sock:
             async with Cast(stage, tmp_path):
-                loop = asyncio.get_running_loop()
-                listening = asyncio.create_task(_listen(loop, sock, truths))
+                listening = asyncio.create_task(listen(sock, truths))
                 await engage(stage.control_socket, 90.0)
-                await _until(stage.control_socket, lambda status: status["state"] == "acquiring")
+                await until(stage.control_socket, lambda status: status["state"] == "acquiring")
                 _fill(small_disk)
                 begin = truths[-1].vehicle
                 # Through the end of the first aperture and its answer, on which it sets out.
-                await _until(stage.control_socket, lambda status: status["state"] == "approaching")
+                await until(stage.control_socket, lambda status: status["state"] == "approaching")
                 await asyncio.sleep(1.0)
                 end = truths[-1].vehicle
                 status = await ask(stage.control_socket, "status")
@@ -219,19 +217,3 @@ def _last_ns(log: Path) -> int:
     assert parts_beside(log) == [log]
     last = max(message.log_time_ns for message in session.messages({CSI.topic, POSE_IN.topic, SETPOINT.topic}))
     return last - session.wall_minus_mono_ns
-
-
-async def _until(control: Path, condition: Any) -> None:
-    async with asyncio.timeout(90):
-        while True:
-            await asyncio.sleep(0.1)
-            try:
-                if condition(await ask(control, "status")):
-                    return
-            except CompanionError:
-                continue
-
-
-async def _listen(loop: asyncio.AbstractEventLoop, sock: Any, truths: list[WorldTruth]) -> None:
-    while True:
-        truths.append(decode_world(await loop.sock_recv(sock, 4096)))

@@ -23,12 +23,13 @@ from pathlib import Path
 import click
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.core.clock import NS_PER_S
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
 from companion.sim.px4 import report
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
 from companion.sim.px4.clocks import VehicleClock
-from companion.sim.px4.commander import NS_PER_S, Commander, Mode
+from companion.sim.px4.commander import Commander, Mode
 from companion.sim.px4.link import Px4Link
 from companion.sim.px4.parameters import DEFAULTS, parsed
 

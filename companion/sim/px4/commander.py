@@ -12,13 +12,13 @@ import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
 from companion.sim.px4.airframe import Airframe, Demand
 from companion.sim.px4.estimator import Estimator
 from companion.sim.px4.navigator import Return, is_outside_fence, landing
 from companion.sim.px4.parameters import DEFAULTS, Parameters
 
-NS_PER_S = 1_000_000_000
 _HISTORY = 200
 
 

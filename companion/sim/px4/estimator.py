@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from companion.core.clock import NS_PER_S, age_s
 from companion.core.messages import Vector3
 from companion.sim.px4.airframe import Airframe
 from companion.sim.px4.parameters import Parameters
 
-_NS_PER_S: Final = 1_000_000_000
 _VISION_LATE_S: Final = 0.3
 """EKF2_DELAY_MAX and the 0.1 s by which a sample may miss its time; older ones are past fusing."""
 _VISION_EARLY_S: Final = 0.1
@@ -110,8 +110,8 @@ class Estimator:
 
     def vision(self, vision: Vision) -> None:
         """A sample arrived: fused, rejected for a while, or dropped without a word."""
-        age_s = (self._now_ns - vision.t_ns) / _NS_PER_S
-        if not int(self._parameters["EKF2_EV_CTRL"]) & 1 or not -_VISION_EARLY_S <= age_s <= _VISION_LATE_S:
+        old_s = (self._now_ns - vision.t_ns) / NS_PER_S
+        if not int(self._parameters["EKF2_EV_CTRL"]) & 1 or not -_VISION_EARLY_S <= old_s <= _VISION_LATE_S:
             self.dropped += 1
             return
         self.fused += 1
@@ -124,7 +124,7 @@ class Estimator:
 
     def step(self, now_ns: int, stands: bool) -> None:
         """Time goes on to `now_ns`; `stands` while the vehicle is disarmed on the ground."""
-        dt_s, self._now_ns = (now_ns - self._now_ns) / _NS_PER_S, now_ns
+        dt_s, self._now_ns = (now_ns - self._now_ns) / NS_PER_S, now_ns
         if stands:
             self._drift_at_rest()
         if self.is_aided or self._fused_ns is None:
@@ -145,7 +145,7 @@ class Estimator:
             self.reset_by((error[0], error[1], error[2] - down_m))
         elif math.hypot(*error) > _GATE_M:
             self._rejected_since_ns = self._rejected_since_ns or self._now_ns
-            if self._now_ns - self._rejected_since_ns < _REJECTED_S * _NS_PER_S:
+            if self._now_ns - self._rejected_since_ns < _REJECTED_S * NS_PER_S:
                 return
             self.reset_by((error[0], error[1], error[2]))
         else:
@@ -154,7 +154,7 @@ class Estimator:
         self._fused_ns, self._rejected_since_ns = self._now_ns, None
 
     def _drift_at_rest(self) -> None:
-        up_m = self._drift_m * (1 - math.exp(-(self._now_ns - self._boot_ns) / _NS_PER_S / _SETTLE_S))
+        up_m = self._drift_m * (1 - math.exp(-(self._now_ns - self._boot_ns) / NS_PER_S / _SETTLE_S))
         if self.uses_gps:
             self._shift((0.0, 0.0, up_m - self._drifted_m))
         self._drifted_m = up_m
@@ -164,4 +164,4 @@ class Estimator:
         self._airframe.estimate_offset_enu_m = (x, y, z)
 
     def _fused_s(self) -> float:
-        return math.inf if self._fused_ns is None else (self._now_ns - self._fused_ns) / _NS_PER_S
+        return age_s(self._fused_ns, self._now_ns)

@@ -8,9 +8,10 @@ from typing import Any, Literal
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.core.clock import NS_PER_S
 from companion.sim.px4.airframe import Demand
 from companion.sim.px4.clocks import ClockFilter, VehicleClock
-from companion.sim.px4.commander import NS_PER_S, Commander, Mode, Result, finite_or_none
+from companion.sim.px4.commander import Commander, Mode, Result, finite_or_none
 from companion.sim.px4.estimator import Vision
 from companion.sim.px4.parameters import field_and_kind, written
 from companion.sim.px4.streams import Streams

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
 from companion.sim.px4.clocks import VehicleClock
-from companion.sim.px4.commander import NS_PER_S, Commander, Mode
+from companion.sim.px4.commander import Commander, Mode
 
 _RATES_HZ: Final = {
     "HEARTBEAT": 1.0,

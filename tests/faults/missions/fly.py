@@ -22,8 +22,9 @@ from companion.pose.intake import PoseIntake
 from companion.sensing.iterations import SarIterations
 from companion.sensing.lookalikes import Lookalikes
 from companion.sim.px4.commander import Mode
+from companion.study.virtual_parts import BEACON_ID
 from tests.faults.missions.reality import Reality, RealSenses
-from tests.faults.missions.scenario import BEACON_ID, MOST_S, Fault, Scenario
+from tests.faults.missions.scenario import MOST_S, Fault, Scenario
 from tests.faults.missions.target import DrawnSenses
 from tests.faults.missions.timeless import MissionClock, MissionLoop
 from tests.faults.missions.trace import (

@@ -29,8 +29,8 @@ from companion.sim.scenario import VioScenario
 from companion.sim.trajectory import BeaconDrive, VehicleTrack
 from companion.study.link import room, scenario
 from companion.study.virtual_mission import with_levers
-from companion.study.virtual_parts import CameraFeed, InlineWorker, RadioFeed
-from tests.faults.missions.scenario import BEACON_ID, UAV_ID, Fault, Scenario
+from companion.study.virtual_parts import BEACON_ID, UAV_ID, CameraFeed, InlineWorker, RadioFeed
+from tests.faults.missions.scenario import Fault, Scenario
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions
 

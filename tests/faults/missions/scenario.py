@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-import tempfile
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,17 +11,13 @@ from companion.config.schema import (
     ApertureConfig,
     AutopilotConfig,
     Config,
-    CsiConfig,
     GateConfig,
     MissionConfig,
-    NeighbourConfig,
-    Peer,
     PoseConfig,
 )
 from companion.core.messages import Vector3
+from companion.study import virtual_mission
 
-UAV_ID: Final = 1
-BEACON_ID: Final = 2
 SWITCH_CHANNEL: Final = 7
 MOST_S: Final = 40.0
 
@@ -128,14 +123,8 @@ def _config(rng: random.Random, has_switch: bool) -> Config:
         if small
         else GateConfig()
     )
-    return Config(
-        role="uav",
-        id=UAV_ID,
-        name="uav",
-        runtime_dir=tempfile.gettempdir(),
-        csi=CsiConfig(channel=108, source="unix"),
-        neighbours=NeighbourConfig(key_file="none"),
-        peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
+    return replace(
+        virtual_mission.config(),
         pose=PoseConfig(),
         aperture=ApertureConfig(length_m=rng.uniform(0.6, 1.3)),
         gate=fence,

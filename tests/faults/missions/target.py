@@ -18,7 +18,7 @@ from companion.radio.card import ChannelSample
 from companion.sensing.iterations import SarIterations
 from companion.sensing.window import ApertureReport
 from companion.sensing.worker_wire import AoaResult
-from tests.faults.missions.scenario import BEACON_ID
+from companion.study.virtual_parts import BEACON_ID
 from tests.faults.missions.timeless import MissionClock
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture

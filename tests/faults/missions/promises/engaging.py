@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, age_s
 from companion.core.inputs import Event, Wish
 from companion.core.messages import FlightMode
 from companion.flight.records import MissionStep
@@ -51,8 +51,8 @@ def preflight_holds(trace: Trace) -> Found:
         wrong = {
             "by an old look": entry.t_mono_ns - looked.t_ns > (0.5 + SLACK_S) * NS_PER_S,
             "observing": config.mission.control == "observe",
-            "no heartbeat": _age_s(told.heartbeat_mono_ns, looked.t_ns) > 2.0,
-            "no position": _age_s(told.position_mono_ns, looked.t_ns) > 1.0 + SLACK_S,
+            "no heartbeat": age_s(told.heartbeat_mono_ns, looked.t_ns) > 2.0,
+            "no position": age_s(told.position_mono_ns, looked.t_ns) > 1.0 + SLACK_S,
             "failsafe": told.failsafe,
             "flown by somebody": told.in_air and told.mode is not FlightMode.HOLD,
             "low battery": (1.0 if told.battery_remaining is None else told.battery_remaining)
@@ -123,7 +123,3 @@ def latched_until_engaged(trace: Trace) -> Found:
         if entry.state is State.FAULT and entry.next_state is not State.FAULT:
             yield entry.t_mono_ns, f"fault left by {entry.event}"
         state = entry.next_state
-
-
-def _age_s(t_ns: int | None, now_ns: int) -> float:
-    return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, age_s
 from companion.core.messages import FlightMode, Vector3
 from companion.mission.table import State
 from companion.sim.px4.commander import Mode
@@ -88,9 +88,9 @@ def fresh(trace: Trace) -> Found:
         ages = {"position": (told.position_mono_ns, 0.5), "heartbeat": (told.heartbeat_mono_ns, 1.5)}
         ages["mode"] = told.mode_mono_ns, 1.5
         for name, (t_ns, most_s) in ages.items():
-            age_s = math.inf if t_ns is None else (entry.t_ns - t_ns) / NS_PER_S
-            if age_s > most_s + 1e-6:
-                yield entry.t_ns, f"a set point by a {name} {age_s:.2f} s old"
+            old_s = age_s(t_ns, entry.t_ns)
+            if old_s > most_s + 1e-6:
+                yield entry.t_ns, f"a set point by a {name} {old_s:.2f} s old"
 
 
 def faults_end_the_stream(trace: Trace) -> Found:

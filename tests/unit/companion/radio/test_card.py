@@ -9,6 +9,7 @@ import numpy as np
 
 from companion.core.clock import ManualClock
 from companion.radio.card import ChannelSample, Radio
+from companion.replay.recorded import RecordedCsi
 from companion.sim.radio import simulate_exchanges
 from companion.sim.scenario import RadioScenario
 from csi_bridge.encoder import encode_body
@@ -17,31 +18,17 @@ from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
-from csi_bridge.source import SourceCounters
 from tests import csi_records, feit_records
-from tests.leg_scene import Scene, Tape, mac
+from tests.leg_scene import Scene, mac
 from tests.sim_scenes import BEACON_MAC
-
-
-class _Tape:
-    counters = SourceCounters()
-
-    def __init__(self, bodies: list[tuple[int, bytes]]) -> None:
-        self._bodies = bodies
-
-    def fileno(self) -> int:
-        return -1
-
-    def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        return self._bodies
-
-    def close(self) -> None: ...
 
 
 def heard(bodies: list[tuple[int, bytes]]) -> tuple[list[ChannelSample], Radio]:
     samples: list[ChannelSample] = []
     peers = {feit_records.MAC: 2, csi_records.MAC: 3}
-    radio = Radio(_Tape(bodies), peers, ManualClock(10**9), samples.append, lambda *_: None)
+    source = RecordedCsi()
+    source.add(bodies)
+    radio = Radio(source, peers, ManualClock(10**9), samples.append, lambda *_: None)
     radio.drain()
     return samples, radio
 
@@ -83,8 +70,8 @@ def test_losses_are_counted_across_the_wrap_of_the_cards_counter() -> None:
     at_uav, _ = simulate_exchanges(scene.scenario, scene.uav, scene.beacon)
     numbered = [replace(record, bfee_count=(65500 + i) % 65536) for i, record in enumerate(at_uav)]
     kept = [record for i, record in enumerate(numbered) if not 20 <= i < 50 and i != 70]
-    tape = Tape()
-    tape.bodies = [(CSI_CODE, encode_body(record)) for record in kept]
+    tape = RecordedCsi()
+    tape.add((CSI_CODE, encode_body(record)) for record in kept)
     radio = Radio(tape, {mac(BEACON_MAC): 2}, ManualClock(1), lambda _: None, lambda *_: None)
     radio.drain()
     assert radio.counters.lost == 31

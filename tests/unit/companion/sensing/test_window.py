@@ -11,13 +11,14 @@ import pytest
 from companion.core.clock import NS_PER_S, ManualClock
 from companion.neighbours import wire
 from companion.radio.card import ChannelSample, Radio
+from companion.replay.recorded import RecordedCsi
 from companion.sensing.window import SarWindow
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records
-from tests.leg_scene import KEY, LEVER_M, Scene, Tape, poses_of
+from tests.leg_scene import KEY, LEVER_M, Scene, poses_of
 from wsr.channel import wavelength_m
 
 
@@ -75,9 +76,9 @@ def test_a_pose_gap_drops_its_packets() -> None:
 
 
 def test_the_window_keeps_samples_of_both_cards() -> None:
-    tape, samples = Tape(), list[ChannelSample]()
-    tape.bodies = [(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))]
-    tape.bodies *= 2
+    tape, samples = RecordedCsi(), list[ChannelSample]()
+    for _ in range(2):
+        tape.add([(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))])
     peers = {feit_records.MAC: 2, csi_records.MAC: 3}
     Radio(tape, peers, ManualClock(10**9), samples.append, lambda *_: None).drain()
     window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)

@@ -6,8 +6,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.core.clock import NS_PER_S
 from companion.sim.px4.autopilot import Px4
-from companion.sim.px4.commander import NS_PER_S, Mode
+from companion.sim.px4.commander import Mode
 
 _STEP_NS = NS_PER_S // 100
 POSITION_VELOCITY_YAW = 64 | 128 | 256 | 2048

@@ -8,7 +8,8 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.sim.px4.commander import NS_PER_S, Mode
+from companion.core.clock import NS_PER_S
+from companion.sim.px4.commander import Mode
 from tests.unit.companion.sim.px4.client import HOLD, LAND, OFFBOARD, POSITION_VELOCITY_YAW, Client
 
 

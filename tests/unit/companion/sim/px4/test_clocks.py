@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from companion.core.clock import NS_PER_S
 from companion.sim.px4.clocks import ClockFilter
-from companion.sim.px4.commander import NS_PER_S
 
 
 def test_timesync_converges_after_five_hundred_answers_and_starts_again_after_a_jump() -> None:
