@@ -38,7 +38,7 @@ class DatFileError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RecordRun:
     """Records of one shape, one behind the other: where the first begins, bytes of each with its length, how many."""
 
     shape: Shape
@@ -56,7 +56,7 @@ class Frames:
     groups: dict[Shape, list[tuple[int, npt.NDArray[np.intp]]]] = field(default_factory=lambda: defaultdict(list))
     """(number of the first record, offsets of the bodies) of each run of records of one shape."""
     records: int = 0
-    runs: list[Run] = field(default_factory=list)
+    runs: list[RecordRun] = field(default_factory=list)
     others: list[tuple[int, int]] = field(default_factory=list)
     """Where each frame of another code begins and ends."""
     left_out: int = 0
@@ -129,7 +129,7 @@ def _find(data: Content) -> Frames:
     view, found = memoryview(data), Frames()
     array = np.frombuffer(data, np.uint8)
     release = release_of(data)
-    runs: list[Run] = []
+    runs: list[RecordRun] = []
     start = released = 0
     while len(view) - start > 2:
         if start - released > _MAPPED_BYTES:
@@ -139,7 +139,7 @@ def _find(data: Content) -> Frames:
         shape = _csi_shape(view, start)
         if shape is not None:
             # Logs are long runs of records of one shape: the first shows it, the others are compared with it at once.
-            runs.append(Run(shape, start, end - start, _repeats(array, start, end - start, release)))
+            runs.append(RecordRun(shape, start, end - start, _repeats(array, start, end - start, release)))
             start = runs[-1].end
         elif _leads_on(view, end):
             found.count(view[start + 2] if end - start > 2 else CSI_CODE, start, end)
@@ -202,7 +202,7 @@ def _is_cut_csi(view: memoryview, start: int) -> bool:
     return True
 
 
-def _search(data: Content, start: int, runs: list[Run]) -> tuple[int, int]:
+def _search(data: Content, start: int, runs: list[RecordRun]) -> tuple[int, int]:
     """Where the damage at `start` begins and where the next record does, or the file ends.
 
     It may have begun in the record before, whose length was then wrong in a way that it agreed with all others: that is

@@ -16,7 +16,7 @@ from companion.analysis.result import Direction, LinkResult, Options, RunResult
 from companion.analysis.runs import RecordingError, Run
 from companion.analysis.scene import (
     MAX_POSE_GAP_S,
-    Scene,
+    RunScene,
     TxPath,
     check_clock,
     lever_of,
@@ -104,7 +104,7 @@ def _estimator(options: Options) -> Estimator:
     return Robust(options.robust) if options.estimator == "robust" else ESTIMATORS[options.estimator]()
 
 
-def _joined(scene: Scene, name: str, path: Path, given_mac: str | None) -> _Joined:
+def _joined(scene: RunScene, name: str, path: Path, given_mac: str | None) -> _Joined:
     result = LinkResult(name)
     try:
         tx = read_log(path, scene.wanted_tx)
@@ -166,7 +166,7 @@ def _tx_positions(
     return p_m, inside
 
 
-def _estimated(scene: Scene, joined: _Joined, estimator: Estimator) -> LinkResult:
+def _estimated(scene: RunScene, joined: _Joined, estimator: Estimator) -> LinkResult:
     result, aperture = joined.result, joined.aperture
     if aperture is None or joined.t_s is None:
         return result
@@ -212,7 +212,7 @@ class _UnknownTruth(CompanionError):
 
 
 def _true_direction(
-    scene: Scene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]
+    scene: RunScene, name: str, t_s: npt.NDArray[np.float64], offset_m: npt.NDArray[np.float64]
 ) -> Direction:
     """From the estimate's reference point: the mean true position at the packets plus `offset_m`, which is how far the
     estimator's weights move it. Raises _UnknownTruth."""

@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class LogClock:
     """One clock of a log: how long it ran from the first record to the last, and how often it was set back."""
 
     name: str
@@ -68,7 +68,7 @@ class CsiContent:
     """Records by format and width."""
     widths_mhz: tuple[int, ...]
     subcarriers: tuple[int, ...]
-    clocks: tuple[Clock, ...]
+    clocks: tuple[LogClock, ...]
     t_s: Array
     """(N,) when each record came, from the first, by the clock that tells best."""
     picture: Amplitudes
@@ -160,7 +160,7 @@ def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
-def _told(clock: Clock) -> str:
+def _told(clock: LogClock) -> str:
     resets = f", set back {clock.resets} times" if clock.resets else ""
     return f"{clock.name}, steps of {1e9 * clock.resolution_s:g} ns, over {clock.span_s:.3f} s{resets}"
 
@@ -251,6 +251,6 @@ def _since_first(t_s: npt.NDArray[np.floating]) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(t_s), 0.0))])
 
 
-def _clock(name: str, resolution_s: float, t_s: npt.NDArray[np.floating]) -> Clock:
+def _clock(name: str, resolution_s: float, t_s: npt.NDArray[np.floating]) -> LogClock:
     steps = np.diff(t_s)
-    return Clock(name, resolution_s, float(t_s[-1] - t_s[0]), int(np.count_nonzero(steps < _RESET_US * _S_PER_US)))
+    return LogClock(name, resolution_s, float(t_s[-1] - t_s[0]), int(np.count_nonzero(steps < _RESET_US * _S_PER_US)))

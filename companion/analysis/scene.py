@@ -31,7 +31,7 @@ _MAX_DISAGREEMENT_M: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Scene:
+class RunScene:
     """What the links of a run have in common."""
 
     rx: CsiLog
@@ -89,7 +89,7 @@ def lever_of(kind: PoseKind | None, options: Options) -> Vector3:
 
 def read_scene(
     run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Survey | None, problems: list[str]
-) -> Scene:
+) -> RunScene:
     rx, trajectory = _read_both(rx_path, run.trajectories[kind], kind, options.time_offset_s, problems)
     channel = truth.channel if options.channel is None and truth is not None else options.channel
     if truth is not None and channel != truth.channel:
@@ -105,7 +105,7 @@ def read_scene(
     if mocap is not None and mocap is not trajectory:
         problems += _disagreement(trajectory, p_antenna_m, mocap)
     paths = {name: _tx_path(name, path, options, problems) for name, path in run.tx_trajectories.items()}
-    return Scene(
+    return RunScene(
         rx=rx,
         trajectory=trajectory,
         p_antenna_m=p_antenna_m,

@@ -25,7 +25,7 @@ from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer
 from companion.flight.origin import Origin
 from companion.flight.rc_switch import configured_switch
-from companion.flight.refusals import Refusals
+from companion.flight.refusals import GateRefusals
 from companion.flight.situation import Situations
 from companion.flight.status import status
 from companion.flight.vehicle_feed import VehicleFeed
@@ -102,7 +102,7 @@ class Flight:
         self._origin = Origin(self._autopilot, config.autopilot)
         self._situations = Situations(self._course, intake, self.knowledge)
         self._observer = Observer(config.mission, self._gate, self._targets, self._frame, recorder)
-        self._refusals = Refusals(recorder)
+        self._refusals = GateRefusals(recorder)
         self._streaming = False
         self._tick_ns: int | None = None
 

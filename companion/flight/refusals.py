@@ -13,7 +13,7 @@ from companion.safety.gate import Reason
 _AGAIN_S: Final = 5.0
 
 
-class Refusals:
+class GateRefusals:
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
         self._reasons: tuple[Reason, ...] = ()

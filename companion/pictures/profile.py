@@ -27,7 +27,7 @@ Found = tuple[float, float | None]
 """Azimuth and polar angle [rad], None where it is not observable."""
 
 
-class Direction(Protocol):
+class HasDirection(Protocol):
     """An estimate, a peak: anything that has a direction."""
 
     @property
@@ -40,7 +40,7 @@ class Direction(Protocol):
 def draw_profile(
     path: Path,
     profile: Profile,
-    estimate: Direction,
+    estimate: HasDirection,
     truth: tuple[float, float] | None = None,
     title: str = "",
     azimuth_observable: bool = True,

@@ -28,7 +28,7 @@ from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
 from companion.sim.px4 import report
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
-from companion.sim.px4.clocks import VehicleClock
+from companion.sim.px4.clocks import PowerUpClock
 from companion.sim.px4.commander import Commander, Mode
 from companion.sim.px4.link import Px4Link
 from companion.sim.px4.parameters import DEFAULTS, parsed
@@ -62,7 +62,7 @@ class Px4:
         gusts = None if seed is None else Gusts(seed)
         airframe = Airframe(AirframeLimits(), yaw_enu_rad, gusts)
         self.commander = Commander(airframe, now_ns, parameters, drift_m)
-        clock = VehicleClock(now_ns, _UP_S, clock_rate)
+        clock = PowerUpClock(now_ns, _UP_S, clock_rate)
         self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind])
         self.strangers: list[Px4] = []
         """Other vehicles on the same link."""

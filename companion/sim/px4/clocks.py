@@ -11,7 +11,7 @@ _FARTHEST_NS: Final = 100_000_000
 _FAR_ALLOWED: Final = 10
 
 
-class VehicleClock:
+class PowerUpClock:
     """Time since power-up, by an oscillator of its own: nothing relates it to the host's monotonic clock."""
 
     def __init__(self, now_ns: int, up_s: float = 0.0, rate: float = 1.0) -> None:

@@ -15,7 +15,7 @@ from enum import Enum, IntEnum
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
 from companion.sim.px4.airframe import Airframe, Demand
-from companion.sim.px4.estimator import Estimator
+from companion.sim.px4.estimator import PositionEstimator
 from companion.sim.px4.navigator import Return, is_outside_fence, landing
 from companion.sim.px4.parameters import DEFAULTS, Parameters
 
@@ -92,7 +92,7 @@ class Commander:
         """Begin as after power-up: disarmed, in hold, nothing heard of a stream. Counters and parameters stay."""
         self.airframe.rest()
         self.airframe.estimate_offset_enu_m = (0.0, 0.0, 0.0)
-        self.estimator = Estimator(self.airframe, self.parameters, now_ns, self._drift_m)
+        self.estimator = PositionEstimator(self.airframe, self.parameters, now_ns, self._drift_m)
         self.intention = self.mode = Mode.HOLD
         self.armed = self.failsafe = False
         self.landed = self.airframe.on_ground

@@ -46,7 +46,7 @@ class Vision:
     """LOCAL_NED. LOCAL_FRD may point anywhere, and takes the estimate's yaw alignment away."""
 
 
-class Estimator:
+class PositionEstimator:
     """The estimate minus the truth goes into `airframe.estimate_offset_enu_m`.
 
     `drift_m` is how far Up wanders while the vehicle stands, in the first minute. `broken` is a fault to inject.

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.sim.px4.airframe import Demand
-from companion.sim.px4.clocks import ClockFilter, VehicleClock
+from companion.sim.px4.clocks import ClockFilter, PowerUpClock
 from companion.sim.px4.commander import Commander, Mode, Result, finite_or_none
 from companion.sim.px4.estimator import Vision
 from companion.sim.px4.parameters import field_and_kind, written
@@ -31,12 +31,12 @@ class Px4Link:
         self,
         commander: Commander,
         now_ns: int,
-        clock: VehicleClock | None = None,
+        clock: PowerUpClock | None = None,
         system_id: int = 1,
         kind: int = mavlink.MAV_AUTOPILOT_PX4,
     ) -> None:
         self.commander = commander
-        self.clock = clock or VehicleClock(now_ns)
+        self.clock = clock or PowerUpClock(now_ns)
         self.mute: Mute = "nothing"
         self.ignore_mode_commands = False
         self.ignore_parameter_requests = False

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
-from companion.sim.px4.clocks import VehicleClock
+from companion.sim.px4.clocks import PowerUpClock
 from companion.sim.px4.commander import Commander, Mode
 
 _RATES_HZ: Final = {
@@ -56,7 +56,7 @@ _FIRST_HEARTBEAT_NS = NS_PER_S // 2
 class Streams:
     """What is due when, and each message. `batteries` are remaining shares by id; None is told as unknown (-1)."""
 
-    def __init__(self, commander: Commander, clock: VehicleClock, mav: Any, kind: int, now_ns: int) -> None:
+    def __init__(self, commander: Commander, clock: PowerUpClock, mav: Any, kind: int, now_ns: int) -> None:
         self._commander = commander
         self._clock = clock
         self._mav = mav
