@@ -233,7 +233,14 @@ def _mac(neighbour: int) -> bytes:
 
 
 def _config(port: int) -> Config:
-    return Config("beacon", 1, "bench", CsiConfig(108), NeighbourConfig("-", port), [])
+    return Config(
+        role="beacon",
+        id=1,
+        name="bench",
+        csi=CsiConfig(108),
+        neighbours=NeighbourConfig(key_file="-", port=port),
+        peers=[],
+    )
 
 
 def _free_port() -> int:

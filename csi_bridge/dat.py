@@ -19,7 +19,7 @@ _DECODED_AT_ONCE: Final = 2048
 """Records: what is worked on stays in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CsiLog:
     """All CSI records of a log, N of them, in file order."""
 

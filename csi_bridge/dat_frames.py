@@ -51,7 +51,7 @@ class RecordRun:
         return self.first + self.size * self.count
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Frames:
     groups: dict[Shape, list[tuple[int, npt.NDArray[np.intp]]]] = field(default_factory=lambda: defaultdict(list))
     """(number of the first record, offsets of the bodies) of each run of records of one shape."""

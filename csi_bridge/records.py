@@ -24,7 +24,7 @@ class CsiError(ValueError):
         self.offset = offset
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CsiRecord:
     """One beamforming report: the channel of one received packet."""
 

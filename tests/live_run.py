@@ -174,7 +174,7 @@ async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path)
     assert run.rx is not None
     trajectory = read_trajectory(run.trajectories[kind], kind)
     rx, tapes = read_tape(run.rx), {name: read_tape(path) for name, path in sorted(run.tx.items())}
-    analysed = {link.name: link for link in analyze_run(run, Options(kind)).links}
+    analysed = {link.name: link for link in analyze_run(run, Options(kind=kind)).links}
     names = [name for name in tapes if analysed[name].estimate is not None]
     assert run.truth is not None
     channel = read_truth(run.truth).channel
@@ -299,7 +299,7 @@ def _robots(
                 require_kernel_sender=False,
                 receive_buffer_bytes=16 << 20,
             ),
-            neighbours=NeighbourConfig("own.key", port, "127.255.255.255"),
+            neighbours=NeighbourConfig(key_file="own.key", port=port, broadcast="127.255.255.255"),
             peers=peers,
             runtime_dir=str(place),
             state_dir="state",

@@ -63,7 +63,7 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
     missing = tuple(missing_files(run, kind, options.kind))
     lever_m = lever_of(kind, options)
     if run.rx is None or kind is None or missing:
-        return [RunResult(run, kind, missing=missing, lever_m=lever_m)] * len(estimators)
+        return [RunResult(run=run, kind=kind, missing=missing, lever_m=lever_m)] * len(estimators)
     problems = list(second_choice(run, kind, options.kind))
     truth, truth_problem = truth_of(run)
     if run.truth is not None and truth_problem is not None:
@@ -72,8 +72,8 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
         scene = read_scene(run, run.rx, kind, options, truth, problems)
     except CompanionError as error:
         failed = RunResult(
-            run,
-            kind,
+            run=run,
+            kind=kind,
             problems=tuple(problems),
             failure=str(error),
             truth_problem=truth_problem,
@@ -86,11 +86,11 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
     joined = [_joined(scene, name, run.tx[name], options.macs.get(name)) for name in chosen]
     return [
         RunResult(
-            run,
-            kind,
-            tuple(_estimated(scene, link, estimator) for link in joined),
-            missing,
-            tuple(problems),
+            run=run,
+            kind=kind,
+            links=tuple(_estimated(scene, link, estimator) for link in joined),
+            missing=missing,
+            problems=tuple(problems),
             truth_problem=truth_problem,
             lever_m=lever_m,
             trajectory=scene.trajectory.path,
@@ -105,7 +105,7 @@ def _estimator(options: Options) -> Estimator:
 
 
 def _joined(scene: RunScene, name: str, path: Path, given_mac: str | None) -> _Joined:
-    result = LinkResult(name)
+    result = LinkResult(name=name)
     try:
         tx = read_log(path, scene.wanted_tx)
         result = replace(result, notes=tuple(damage(tx)))

@@ -50,7 +50,7 @@ class Amplitudes:
     amplitude: npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CsiContent:
     """What a log holds."""
 

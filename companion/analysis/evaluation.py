@@ -64,7 +64,7 @@ class Figures:
     within_10: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trust:
     """What the reliability is worth over all links, and whether the more reliable are the better ones.
 
@@ -169,14 +169,14 @@ def trust(links: Sequence[LinkRow]) -> Trust:
     within = [row.error_deg <= 3 * (row.azimuth_std_deg or 0.0) for row in sure]
     differences, gains = _drawn(links)
     return Trust(
-        len(links),
-        len(sure),
-        float(np.mean(within)) if sure else None,
-        _area_deg(links),
-        _area_deg(links, by_profile_variance=True),
-        _interval(differences),
-        _figures([row.error_deg for row in _best_half(links)]),
-        _interval(gains),
+        links=len(links),
+        reliable=len(sure),
+        reliable_within_3_std=float(np.mean(within)) if sure else None,
+        area_reliability_deg=_area_deg(links),
+        area_profile_variance_deg=_area_deg(links, by_profile_variance=True),
+        area_difference_deg=_interval(differences),
+        best_half=_figures([row.error_deg for row in _best_half(links)]),
+        best_half_gain_deg=_interval(gains),
     )
 
 

@@ -47,7 +47,7 @@ class ExchangeError(CompanionError):
     """The logs of a link cannot be joined; the message names the file and what is in it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Exchanges:
     """The usable round trips of one link, K of them, in the order of the receiver's log."""
 

@@ -178,14 +178,14 @@ def analyze_session(session: Session, kind: PoseKind | None = None, estimator: s
         except OSError as error:
             raise CompanionError(f"{error.filename}: cannot be written: {error.strerror}") from None
         options = Options(
-            kind,
-            scene.channel,
-            dict(scene.macs),
-            scene.lever_m,
-            scene.time_offset_s,
-            scene.tx_time_offsets_s,
-            scene.tx_levers_m,
-            estimator,
+            kind=kind,
+            channel=scene.channel,
+            macs=dict(scene.macs),
+            lever_m=scene.lever_m,
+            time_offset_s=scene.time_offset_s,
+            tx_time_offsets_s=scene.tx_time_offsets_s,
+            tx_levers_m=scene.tx_levers_m,
+            estimator=estimator,
         )
         return _renamed(analyze_run(run, options), name, scene)
 

@@ -35,7 +35,7 @@ class Direction:
     polar_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkResult:
     """What one transmitter gave. Without an estimate, `problem` says why."""
 
@@ -77,7 +77,7 @@ class LinkResult:
         return float(great_circle(u, direction(self.truth.azimuth_rad, self.truth.polar_rad)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
     """What one run gave. Without links either files are `missing` or there is a `failure`."""
 
@@ -99,7 +99,7 @@ class RunResult:
     layout: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """What the user decided. Each None means: as the recording says."""
 

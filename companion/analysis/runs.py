@@ -57,7 +57,7 @@ class Survey:
     """Positions (3,) by name, in the frame of motion capture; those at (0, 0, 0) are absent and left out."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """The files of one run. What is not there is None or left out of the mapping."""
 

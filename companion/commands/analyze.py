@@ -90,7 +90,7 @@ def analyze(
     """
     kind = PoseKind(poses) if poses else None
     found = chosen_runs(runs, stamps, rx, tx, traj, kind)
-    options = Options(kind, channel, lever_m=lever, estimator=estimator)
+    options = Options(kind=kind, channel=channel, lever_m=lever, estimator=estimator)
     found, options = with_moving_ends(found, options, time_offset, tx_traj, tx_time_offset, tx_lever)
     chosen = [(run, macs_by_name(macs, run)) for run in found]
     check_writable(json_path, None if no_pictures else out)

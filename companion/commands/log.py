@@ -127,7 +127,7 @@ def import_(
     from companion.analysis.result import Options
 
     runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
-    options = Options(None, channel, lever_m=lever)
+    options = Options(kind=None, channel=channel, lever_m=lever)
     runs, options = with_moving_ends(runs, options, time_offset, tx_traj, tx_time_offset, tx_lever)
     failed = []
     begun = time.monotonic()

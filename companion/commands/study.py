@@ -87,7 +87,7 @@ def study(
     named = _named(scenes)
     if (named or markdown) and name not in (RENDEZVOUS, ALL):
         raise click.UsageError(f"--scenes and --markdown are for the study {RENDEZVOUS}, not for {name}")
-    done = _Done(name, out, json_path, markdown)
+    done = _Done(name=name, out=out, json_path=json_path, markdown=markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
     with _runner(cluster, jobs) as runner:
         for each in studies:
@@ -113,7 +113,7 @@ def study(
     done.finish(console)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Done:
     """What is there so far. Of `all` the page and the JSON grow with each study, so that nothing is lost half way."""
 

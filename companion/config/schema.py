@@ -73,7 +73,7 @@ class NatNetConfig:
     """Motive's up axis as it streams."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PoseConfig:
     """Where poses come from."""
 
@@ -117,7 +117,7 @@ class Peer:
     """Bytes on the air, with check sum, of the frames that this robot's driver answers; each beacon has its own."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NeighbourConfig:
     """UDP broadcasts between robots, over another interface than the one in monitor mode."""
 
@@ -150,7 +150,7 @@ class PingConfig:
     """HT rate of one stream, 20 MHz."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ApertureConfig:
     """One SAR iteration."""
 
@@ -191,7 +191,7 @@ class AutopilotConfig:
     """Pulse width above which that switch is up."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     control: Literal["observe", "fly"] = "observe"
     """`observe` computes and logs everything and sends nothing; only `fly` can be engaged."""
@@ -222,7 +222,7 @@ class MissionConfig:
     """with this probability, over a whole aperture of new packets."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GateConfig:
     """Limits of the set point gate, in the autopilot's local frame (East, North, Up from its origin)."""
 
@@ -238,7 +238,7 @@ class GateConfig:
     """Least distance of a set point from where another robot is known to be."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
     """The flight's log; see docs/log.md."""
 
@@ -258,7 +258,7 @@ class RecorderConfig:
     """Nothing engages with less space left on the log's disk."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
     """Everything the service reads. A role `uav` also needs `autopilot`."""
 

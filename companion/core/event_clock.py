@@ -23,8 +23,16 @@ class EventClock:
     def __init__(self, base: Clock) -> None:
         self._base = base
         self._held_ns: int | None = None
-        self.number = 0
+        self._number = 0
+
+    @property
+    def number(self) -> int:
         """Of the event in progress, or of the last one."""
+        return self._number
+
+    def count_from(self, number: int) -> None:
+        """The next event has this number: of a log, parts may be missing."""
+        self._number = number - 1
 
     @property
     def is_held(self) -> bool:
@@ -37,7 +45,7 @@ class EventClock:
         if self._held_ns is not None:
             yield self._held_ns
             return
-        self.number += 1
+        self._number += 1
         self._held_ns = self._base.now_ns() if t_ns is None else t_ns
         try:
             yield self._held_ns

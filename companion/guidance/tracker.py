@@ -57,7 +57,7 @@ class Rival:
     probability: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """Where the target is thought to be, seen from the newest bearing's place."""
 

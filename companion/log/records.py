@@ -13,7 +13,7 @@ from companion.log.truth import Truth
 from wsr.geometry import angles
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedEstimate:
     """What readers need of an `AoaEstimate`."""
 
@@ -32,7 +32,7 @@ class LoggedEstimate:
     extents_m: Vector3 = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedIteration:
     """What readers need of an `Iteration`."""
 

@@ -55,7 +55,7 @@ class TrajectoryError(CompanionError):
     """A trajectory file cannot be used; the message names the file and the line or the headings."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """Where things are in each row, and what turns them into seconds, metres and radians."""
 
@@ -96,10 +96,30 @@ def columns_by_layout(path: str, line: int, count: int, separator: str | None) -
     if separator == "," and (count == _WSR_PLACE or count >= _WSR_ATTITUDE):
         names = ("sec", "nsec", "x", "y", "z", "qx", "qy", "qz", "qw")[:count]
         turn = (5, 6, 7, 8) if count >= _WSR_ATTITUDE else None
-        return Columns(_WSR, count, True, 0, 1.0, 1, (2, 3, 4), attitude=turn, names=names)
+        return Columns(
+            layout=_WSR,
+            width=count,
+            exact=True,
+            time=0,
+            time_scale=1.0,
+            nsec=1,
+            place=(2, 3, 4),
+            attitude=turn,
+            names=names,
+        )
     if separator is None and count == _TUM:
         names = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
-        return Columns("TUM", count, True, 0, 1.0, None, (1, 2, 3), attitude=(4, 5, 6, 7), names=names)
+        return Columns(
+            layout="TUM",
+            width=count,
+            exact=True,
+            time=0,
+            time_scale=1.0,
+            nsec=None,
+            place=(1, 2, 3),
+            attitude=(4, 5, 6, 7),
+            names=names,
+        )
     where = f"{path}: line {line} has {count} columns"
     if separator is None and count == _KITTI:
         raise TrajectoryError(f"{where} and no headings: KITTI poses (3x4 matrices) have no time; expected TUM or CSV")
@@ -142,20 +162,20 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
         time = replace(time, unit="ns")
     qx, qy, qz, qw = (found[key][0].index if quaternion else 0 for key in ("qx", "qy", "qz", "qw"))
     return Columns(
-        f"CSV by its headings ({shown})",
-        len(texts),
-        False,
-        time.index,
-        _scale(path, time, _TIME_UNITS),
-        nsec,
-        (x.index, y.index, z.index),
-        _scale(path, x, _LENGTH_UNITS),
-        (qx, qy, qz, qw) if quaternion else None,
-        angles,
-        1.0 if turn is None else _scale(path, turn, _ANGLE_UNITS),
-        tuple(text.strip() for text in texts),
-        None if other is None else (other.index, _scale(path, other, _TIME_UNITS)),
-        tuple(f"{path}: {note}" for note in notes),
+        layout=f"CSV by its headings ({shown})",
+        width=len(texts),
+        exact=False,
+        time=time.index,
+        time_scale=_scale(path, time, _TIME_UNITS),
+        nsec=nsec,
+        place=(x.index, y.index, z.index),
+        place_scale=_scale(path, x, _LENGTH_UNITS),
+        attitude=(qx, qy, qz, qw) if quaternion else None,
+        angles=angles,
+        angle_scale=1.0 if turn is None else _scale(path, turn, _ANGLE_UNITS),
+        names=tuple(text.strip() for text in texts),
+        other_time=None if other is None else (other.index, _scale(path, other, _TIME_UNITS)),
+        notes=tuple(f"{path}: {note}" for note in notes),
     )
 
 

@@ -21,7 +21,7 @@ from csi_bridge.source import CsiSource
 ANTENNAS = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ChannelSample:
     """The channel of one packet, of its first transmit antenna.
 
@@ -45,7 +45,7 @@ class ChannelSample:
     """Whether the sign of each antenna's channel is random in every packet."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class RadioCounters:
     """What became of the records of a card since the start; owned by `Radio`."""
 
@@ -138,7 +138,12 @@ class Radio:
         counters.samples += 1
         power_dbm = total_rss_dbm(record.rssi, record.agc)
         sample = ChannelSample(
-            peer, record.frame_count, t_mono_ns, record.timestamp_low_us, _by_antenna(record), power_dbm
+            peer=peer,
+            frame=record.frame_count,
+            t_mono_ns=t_mono_ns,
+            nic_us=record.timestamp_low_us,
+            csi=_by_antenna(record),
+            power_dbm=power_dbm,
         )
         self._on_sample(sample)
 
@@ -159,14 +164,14 @@ class Radio:
         channel, subcarrier_hz = thinned(record)
         self._on_sample(
             ChannelSample(
-                peer,
-                None,
-                t_mono_ns,
-                record.timestamp_low_us,
-                _two_antennas(channel[:, :, 0], record.antennas),
-                record.power_dbm,
-                subcarrier_hz,
-                record.ftm_ticks / TICKS_PER_US,
+                peer=peer,
+                frame=None,
+                t_mono_ns=t_mono_ns,
+                nic_us=record.timestamp_low_us,
+                csi=_two_antennas(channel[:, :, 0], record.antennas),
+                power_dbm=record.power_dbm,
+                subcarrier_hz=subcarrier_hz,
+                fine_us=record.ftm_ticks / TICKS_PER_US,
                 half_turns=True,
             )
         )

@@ -183,7 +183,7 @@ class Player:
                 self._inputs.book.known = msgspec.json.decode(data, type=BookState).reached
             if self._uav is None:
                 self._uav = self._build()
-            self._clock.number = event.number - 1
+            self._clock.count_from(event.number)
             self._handle(event)
             yield event
 

@@ -280,7 +280,9 @@ class RecordedWorker:
             self.unexpected += 1
             return None
         if recorded.failure:
-            return AoaResult(recorded.id, recorded.peer, recorded.compute_s, refusal=recorded.failure, failed=True)
+            return AoaResult(
+                id=recorded.id, peer=recorded.peer, compute_s=recorded.compute_s, refusal=recorded.failure, failed=True
+            )
         self._collect()
         return dataclasses.replace(self._computed.pop(recorded.id), compute_s=recorded.compute_s)
 

@@ -49,7 +49,7 @@ class EventLine:
     text: str
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class FlightContent:
     """Times are seconds since the first message; places ENU in the autopilot's local frame."""
 
@@ -101,7 +101,7 @@ def _gather(
     session: Session, progress: Progress | None, span_ns: tuple[int, int] | None, times_ns: array[int]
 ) -> FlightContent:
     """Of the messages within a span, and all their times."""
-    content = FlightContent(session, session.config())
+    content = FlightContent(session=session, config=session.config())
     last_bearing: int | None = None
     for message in session.messages(None, progress, lambda path: setattr(content, "is_whole", False)):
         times_ns.append(message.log_time_ns)

@@ -33,7 +33,7 @@ class Reason(StrEnum):
     NEIGHBOUR = "too near to a neighbour"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GateLimits:
     """Positions are in the autopilot's local frame with ENU axes; the cylinder stands on its origin.
 

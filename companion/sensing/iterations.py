@@ -116,7 +116,7 @@ class SarIterations:
                 report = replace(report, aperture=None, refusal=spoiled)
             number, self._number = self._number, self._number + 1
             if report.aperture is None:
-                self._end(number, report, AoaResult(-1, report.peer, 0.0))
+                self._end(number, report, AoaResult(id=-1, peer=report.peer, compute_s=0.0))
             else:
                 self._recorder.record(APERTURE, report.end_ns, _record_of(number, report, report.aperture))
                 self._pending[self._worker.submit(report.peer, report.aperture)] = number, report

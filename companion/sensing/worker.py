@@ -28,11 +28,13 @@ def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
         aperture = aperture_of(request)
         estimate, profile = estimator.estimate(aperture)
     except ApertureError as error:
-        return AoaResult(request.id, request.peer, time.perf_counter() - start, refusal=str(error))
+        return AoaResult(id=request.id, peer=request.peer, compute_s=time.perf_counter() - start, refusal=str(error))
     power = np.asarray(profile.power, np.float16).tobytes()
     told = informativeness(aperture, estimate.azimuth_rad, estimate.polar_rad)
     elapsed_s = time.perf_counter() - start
-    return AoaResult(request.id, request.peer, elapsed_s, estimate, power, informativeness=told)
+    return AoaResult(
+        id=request.id, peer=request.peer, compute_s=elapsed_s, estimate=estimate, profile=power, informativeness=told
+    )
 
 
 def main() -> None:
@@ -40,7 +42,7 @@ def main() -> None:
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     estimator = ESTIMATORS[sys.argv[1]]()
     warm_up()
-    ready = AoaResult(READY_ID, 0, 0.0)
+    ready = AoaResult(id=READY_ID, peer=0, compute_s=0.0)
     _write(sink, ready)
     while (request := _read(source)) is not None:
         _write(sink, ready if request.id == READY_ID else compute(estimator, request))

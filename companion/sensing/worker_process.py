@@ -52,7 +52,9 @@ class AoaProcess:
         if self._requests.full():
             dropped_id, dropped_peer, _ = self._requests.get_nowait()
             self.dropped += 1
-            refusal = AoaResult(dropped_id, dropped_peer, 0.0, refusal="the AOA worker is behind", failed=True)
+            refusal = AoaResult(
+                id=dropped_id, peer=dropped_peer, compute_s=0.0, refusal="the AOA worker is behind", failed=True
+            )
             # An answer is an event of its own, never a part of the one that submits.
             asyncio.get_running_loop().call_soon(self.answers.give, refusal)
         request_id, self._next_id = self._next_id, self._next_id + 1
@@ -92,7 +94,7 @@ class AoaProcess:
                     result = await _receive(process)
             except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
                 reason = f"the AOA worker {_what_happened(error)}"
-                self.answers.give(AoaResult(request_id, peer, 0.0, refusal=reason, failed=True))
+                self.answers.give(AoaResult(id=request_id, peer=peer, compute_s=0.0, refusal=reason, failed=True))
                 raise
             self.answers.give(result)
 

@@ -45,7 +45,7 @@ SIGN_OF_LIFE = AoaRequest(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AoaResult:
     """The answer to one request: an estimate with its profile (180, 360) as float16 bytes, or a refusal."""
 

@@ -21,7 +21,7 @@ from wsr.geometry import angles, direction, great_circle
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
     """One SAR iteration against the truth at its own reference point and time; angles in degrees, elevations above the
     horizon."""
@@ -46,7 +46,7 @@ class Row:
     beacon_m: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DemoResult:
     """What `--json` holds."""
 

@@ -39,7 +39,7 @@ class Scatterer:
     phase_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RadioScenario:
     """The radio link. Defaults are like the real captures: see the design notes on each effect."""
 
@@ -68,7 +68,7 @@ class RadioScenario:
     detection_delay_std_s: NotNegative = 25e-9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VioScenario:
     """Drift of the cameras. Standard deviations from which each robot's own errors are drawn; over a leg of 1.2 m they
     give the 12 mm that recorded T265 tracks are off against motion capture."""
@@ -99,7 +99,7 @@ class CsiEndpoint:
     """Of the Unix socket; the service binds it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotScenario:
     """One robot's card, antennas, clocks and camera."""
 
@@ -119,7 +119,7 @@ class RobotScenario:
     """Turn, counter-clockwise, from the tracker's own axes to true East and North."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """The whole simulated world. The flying robot starts on the ground at the origin, the beacon stands around it."""
 

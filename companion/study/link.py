@@ -76,7 +76,13 @@ def scenario(seed: SeedSequence, radio: RadioScenario) -> Scenario:
     def robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
         points = ((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0))
         return RobotScenario(
-            mac, CsiEndpoint("unix", path=name), name, points, (0.0, -22.0, -24.0), oscillator_ppm, clock_offset_s
+            mac=mac,
+            csi=CsiEndpoint("unix", path=name),
+            pose_socket=name,
+            antennas_m=points,
+            antenna_gain_db=(0.0, -22.0, -24.0),
+            oscillator_ppm=oscillator_ppm,
+            clock_offset_s=clock_offset_s,
         )
 
     return Scenario(

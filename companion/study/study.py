@@ -50,7 +50,7 @@ class Settings:
     scenes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Study(Generic[S, R]):
     """`figures` names the paper's labels. `trial` and the specifications must pickle: module-level, and plain data.
 

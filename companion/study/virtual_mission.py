@@ -12,7 +12,6 @@ import logging
 import math
 import tempfile
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -287,8 +286,14 @@ class _World:
         points = []
         for iteration, target in self._iterations:
             t_s = iteration.reference_ns / NS_PER_S
-            uav, beacon = (tuple(float(np.interp(t_s, times_s, p[:, axis])) for axis in range(3)) for p in ends_m)
+            uav, beacon = (_interpolated(t_s, times_s, p_m) for p_m in ends_m)
             moving = t_s >= self._moving_from_s
             since_s = t_s - _START_NS / NS_PER_S
-            points.append(MissionPoint(iteration, target, cast(Vector3, uav), cast(Vector3, beacon), moving, since_s))
+            points.append(MissionPoint(iteration, target, uav, beacon, moving, since_s))
         return points
+
+
+def _interpolated(t_s: float, times_s: npt.NDArray[np.float64], p_m: npt.NDArray[np.float64]) -> Vector3:
+    """Of places (N, 3) at times (N,) the one at `t_s`."""
+    x, y, z = (float(np.interp(t_s, times_s, p_m[:, axis])) for axis in range(3))
+    return x, y, z

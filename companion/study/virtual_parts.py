@@ -207,5 +207,14 @@ def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
         csi = record.csi[:, :, 0]
         t_ns = (record.host_time_ns or 0) - DEFAULT_EPOCH_NS
         power_dbm = total_rss_dbm(record.rssi, record.agc)
-        samples.append(ChannelSample(peer, record.frame_count, t_ns, record.timestamp_low_us, csi, power_dbm))
+        samples.append(
+            ChannelSample(
+                peer=peer,
+                frame=record.frame_count,
+                t_mono_ns=t_ns,
+                nic_us=record.timestamp_low_us,
+                csi=csi,
+                power_dbm=power_dbm,
+            )
+        )
     return samples

@@ -19,7 +19,7 @@ MAX_TX: Final = 4
 TICKS_PER_US: Final = 320
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FeitRecord:
     """The report of one received packet."""
 

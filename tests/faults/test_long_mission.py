@@ -163,7 +163,9 @@ class _Worker:
             reference_p_m=place,
             reference_t_s=float(aperture.t_s.mean()),
         )
-        self.waiting.append(AoaResult(self.submitted, peer, 0.01, estimate, bytes(180 * 360 * 2)))
+        self.waiting.append(
+            AoaResult(id=self.submitted, peer=peer, compute_s=0.01, estimate=estimate, profile=bytes(180 * 360 * 2))
+        )
         self.submitted += 1
         return self.submitted - 1
 
@@ -229,7 +231,9 @@ class _Service:
         csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
         csi[:, 0] = 10 + 10j
         self._frame += 1
-        self.node.samples.give(ChannelSample(2, self._frame, now_ns, nic_us, csi, -50.0))
+        self.node.samples.give(
+            ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, csi=csi, power_dbm=-50.0)
+        )
         self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
 
 

@@ -79,7 +79,14 @@ def test_fault_20_a_good_key_does_not_excuse_a_broken_datagram() -> None:
 
 def test_fault_20_a_flood_of_forgeries_costs_little_of_a_core(tmp_path: Path) -> None:
     """Ten thousand a second through the socket; judged generously, since machines are noisy."""
-    config = Config("beacon", 1, "us", CsiConfig(108), NeighbourConfig("k", free_udp_port("127.255.255.255")), [])
+    config = Config(
+        role="beacon",
+        id=1,
+        name="us",
+        csi=CsiConfig(108),
+        neighbours=NeighbourConfig(key_file="k", port=free_udp_port("127.255.255.255")),
+        peers=[],
+    )
     link, listening = Link(config), receiver(ManualClock(5))
     forged = wire.encode(datagram(), b"x" * 32)
     count, batch = runs(5_000, 50_000), 100

@@ -30,7 +30,7 @@ CONFIG = Config(
     id=1,
     name="uav",
     csi=CsiConfig(108, interface="left"),
-    neighbours=NeighbourConfig("key"),
+    neighbours=NeighbourConfig(key_file="key"),
     peers=[Peer(2, "beacon", "00:21:6A:3F:17:5A", "key")],
     ping=PingConfig(enabled=True),
 )
@@ -121,7 +121,7 @@ async def rate() -> None:
 def datagrams() -> None:
     """One second of 150 channels and 50 poses of a robot that moves, as the kernel counts them at the interface."""
     subprocess.run(["ip", "addr", "add", "10.9.0.1/24", "broadcast", "10.9.0.255", "dev", "left"], check=True)
-    neighbours = NeighbourConfig("key", 17650, "10.9.0.255", interface="left")
+    neighbours = NeighbourConfig(key_file="key", port=17650, broadcast="10.9.0.255", interface="left")
     link = Link(dataclasses.replace(CONFIG, neighbours=neighbours))
     sender = NeighbourSender(
         wire.Role.BEACON, 2, bytes(32), neighbours.pose_rate_hz, 1 << 32, neighbours.budget_bytes_s
@@ -160,7 +160,9 @@ def addresses() -> None:
         before = sent_bytes("left")
         try:
             link = Link(
-                dataclasses.replace(CONFIG, neighbours=NeighbourConfig("k", 17650, address, interface=interface))
+                dataclasses.replace(
+                    CONFIG, neighbours=NeighbourConfig(key_file="k", port=17650, broadcast=address, interface=interface)
+                )
             )
         except CompanionError as error:
             print("refused", error)

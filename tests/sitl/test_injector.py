@@ -138,7 +138,13 @@ def test_anything_else_is_no_ping() -> None:
 
 def test_nothing_is_sent_on_an_interface_that_is_no_monitor() -> None:
     config = Config(
-        "uav", 1, "uav", CsiConfig(108, interface="lo"), NeighbourConfig("k"), [], ping=PingConfig(enabled=True)
+        role="uav",
+        id=1,
+        name="uav",
+        csi=CsiConfig(108, interface="lo"),
+        neighbours=NeighbourConfig(key_file="k"),
+        peers=[],
+        ping=PingConfig(enabled=True),
     )
     with pytest.raises(CompanionError, match=r"csi.interface lo: it is not in monitor mode \(type 772, expected 803\)"):
         open_pinger(config, MonotonicClock())

@@ -16,6 +16,7 @@ import grimp
 import pytest
 
 import companion
+import csi_bridge
 import wsr
 from tests.paths import ROOT
 
@@ -24,6 +25,7 @@ _OF_NO_MODULE = {"wsr/test_errata.py"}
 """The paper's equations as printed, which stand in no module because they do not hold."""
 _MATHS = {"__future__", "collections", "dataclasses", "functools", "math", "numba", "numpy", "typing", "wsr"}
 _NO_MATHS = {"open", "print", "input", "exec", "eval", "__import__"}
+_PACKAGES = [Path(package.__path__[0]) for package in (companion, wsr, csi_bridge)]
 _WSR = sorted(Path(wsr.__path__[0]).rglob("*.py"))
 
 
@@ -38,6 +40,15 @@ def test_no_circle_of_files() -> None:
 def test_the_root_holds_what_starts_the_program_and_nothing_else() -> None:
     modules = {path.stem for path in Path(companion.__path__[0]).glob("*.py")}
     assert modules <= _ROOT_MODULES, f"{', '.join(sorted(modules - _ROOT_MODULES))}: belongs in a room"
+
+
+def test_no_two_classes_have_one_name() -> None:
+    where: dict[str, list[str]] = {}
+    for path in (path for package in _PACKAGES for path in package.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                where.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: paths for name, paths in where.items() if len(paths) > 1} == {}
 
 
 @pytest.mark.parametrize("package", ["companion", "companion/pose"])

@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 Complex64 = NDArray[np.complex64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Prepared:
     """Bins of the path with their channels, the wavelength of their phase, and what was left out."""
 
@@ -76,14 +76,14 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     unfit = aperture.packets - int(np.count_nonzero(keep)) - disagree
     dropped = {"ends disagree": disagree, "phase step": unfit}
     return Prepared(
-        bins,
-        aperture.grid if options.wideband else known(1),
-        wavelength_m,
-        {reason: count for reason, count in dropped.items() if count},
-        float(np.median(agreement)),
-        offset_hz,
-        bins.means(aperture.t_s),
-        amplitude,
+        bins=bins,
+        grid=aperture.grid if options.wideband else known(1),
+        wavelength_m=wavelength_m,
+        dropped={reason: count for reason, count in dropped.items() if count},
+        reciprocity=float(np.median(agreement)),
+        offset_hz=offset_hz,
+        bin_t_s=bins.means(aperture.t_s),
+        amplitude=amplitude,
     )
 
 

@@ -9,7 +9,7 @@ import msgspec
 from companion.core.messages import Vector3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Px4Report:
     """The mock's state and its counters. Times are CLOCK_MONOTONIC, shared by all processes of the host."""
 

@@ -136,8 +136,8 @@ class FaultyWorker(InlineWorker):
         if self.does in ("hangs", "gone"):
             return
         for result in self.due(now_ns):
-            lost = AoaResult(result.id, result.peer, 0.1, refusal="the worker was lost", failed=True)
-            refused = AoaResult(result.id, result.peer, 0.1, refusal="too few packets")
+            lost = AoaResult(id=result.id, peer=result.peer, compute_s=0.1, refusal="the worker was lost", failed=True)
+            refused = AoaResult(id=result.id, peer=result.peer, compute_s=0.1, refusal="too few packets")
             sar.take_answer({"lost": lost, "refuses": refused}.get(self.does, result))
 
 

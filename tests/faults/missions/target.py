@@ -125,7 +125,9 @@ class DrawnSenses:
         p_m, v_m_s = airframe.p_enu_m, airframe.v_enu_m_s
         world.give_poses(service, [Pose(now_ns - ago_ns, p_m, _LEVEL, v_m_s, 3) for ago_ns in self._poses_ago_ns])
         if not world.lasts("packets"):
-            service.flight.knowledge.heard(ChannelSample(BEACON_ID, None, now_ns, 0, _NO_CSI, -50.0))
+            service.flight.knowledge.heard(
+                ChannelSample(peer=BEACON_ID, frame=None, t_mono_ns=now_ns, nic_us=0, csi=_NO_CSI, power_dbm=-50.0)
+            )
             world.note_packet()
         if not world.lasts("datagrams"):
             self._target.heard_ns = now_ns
@@ -161,16 +163,19 @@ class DrawnWorker:
 
     def _result(self, request_id: int, peer: int) -> AoaResult:
         if self.does == "lost":
-            return AoaResult(request_id, peer, 0.1, refusal="the worker was lost", failed=True)
+            return AoaResult(id=request_id, peer=peer, compute_s=0.1, refusal="the worker was lost", failed=True)
         if self.does == "refuses" or self._rng.random() < 0.05:
-            return AoaResult(request_id, peer, 0.1, refusal="too few packets")
+            return AoaResult(id=request_id, peer=peer, compute_s=0.1, refusal="too few packets")
         here, there = self._window.at(self._clock.t_ns - NS_PER_S), self._target.at_m
         wrong = self.does == "lies" or self._rng.random() < 0.05
         azimuth = math.atan2(there[1] - here[1], there[0] - here[0]) + self._rng.gauss(0, 0.05)
         azimuth = self._rng.uniform(-math.pi, math.pi) if wrong else math.remainder(azimuth, math.tau)
         polar = math.acos(max(-1.0, min(1.0, (there[2] - here[2]) / max(math.dist(here, there), 1e-6))))
         return AoaResult(
-            request_id, peer, 0.1, estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8)
+            id=request_id,
+            peer=peer,
+            compute_s=0.1,
+            estimate=_estimate(azimuth, polar, 0.05 if self.does == "doubts" else 0.8),
         )
 
 

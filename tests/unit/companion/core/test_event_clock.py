@@ -31,3 +31,11 @@ def test_an_event_ends_when_its_handler_raises() -> None:
     except ValueError:
         pass
     assert not clock.is_held
+
+
+def test_a_replay_counts_as_its_log_does() -> None:
+    clock = EventClock(ManualClock(1))
+    clock.count_from(7)
+    for number in (7, 8):
+        with clock.event():
+            assert clock.number == number

@@ -64,7 +64,9 @@ class _Known:
 
     def hear(self, peer: int) -> None:
         csi = np.zeros((30, 3), np.complex64)
-        self.knowledge.heard(ChannelSample(peer, 1, self.clock.now_ns(), 0, csi, -50.0))
+        self.knowledge.heard(
+            ChannelSample(peer=peer, frame=1, t_mono_ns=self.clock.now_ns(), nic_us=0, csi=csi, power_dbm=-50.0)
+        )
 
 
 def _iteration(peer: int = _TARGET, reliability: float | None = 0.9, **changes: Any) -> Iteration:

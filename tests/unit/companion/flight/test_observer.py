@@ -17,7 +17,16 @@ from companion.safety.gate import Gate, GateLimits, Reason
 from tests.unit.companion.flight.kept import Kept
 
 _MISSION = MissionConfig(speed_m_s=0.4, takeoff_height_m=1.5)
-_NORTH = Target(0, math.pi / 2, (0.0, 9.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 1, 9.0, 1.0, 0.9)
+_NORTH = Target(
+    t_mono_ns=0,
+    azimuth_rad=math.pi / 2,
+    origin_local_enu_m=(0.0, 9.0, 0.0),
+    covariance_m2=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    boot=1,
+    range_m=9.0,
+    range_std_m=1.0,
+    probability=0.9,
+)
 _CARRIED = VehicleState(
     t_mono_ns=5, mode=FlightMode.MANUAL, position_mono_ns=5, p_local_enu_m=(1.0, 2.0, 1.4),
     v_local_enu_m_s=(0.0, 0.0, 0.0), yaw_enu_rad=0.0,

@@ -17,7 +17,7 @@ from companion.guidance.approach import Approach, as_velocity, inside
 from companion.guidance.steering import Aim
 from companion.safety.gate import GateLimits
 
-LIMITS = GateLimits((-50, -50, -1), (50, 50, 10), 60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+LIMITS = GateLimits(fence_min_m=(-50, -50, -1), fence_max_m=(50, 50, 10), fence_radius_m=60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
 _TICK_NS = NS_PER_S // 20
 
 
@@ -102,7 +102,7 @@ def test_a_frame_that_was_set_anew_takes_the_path_along() -> None:
 
 
 def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
-    limits = GateLimits((-9, -9, -1), (9, 9, 9), 9.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+    limits = GateLimits(fence_min_m=(-9, -9, -1), fence_max_m=(9, 9, 9), fence_radius_m=9.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
     path = Setpoint(7, (1.0, 2.0, 1.5), (0.5, 0.0, 0.0), 0.3)
     assert as_velocity(path, (1.0, 2.0, 1.5), limits) == Setpoint(7, None, (0.5, 0.0, 0.0), 0.3)
     back = as_velocity(path, (1.0, 2.5, 1.4), limits)
@@ -112,7 +112,7 @@ def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
 
 
 def test_after_a_refusal_it_stands_inside_the_fence() -> None:
-    limits = GateLimits((-9, -4, -1), (9, 4, 5), 6.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
+    limits = GateLimits(fence_min_m=(-9, -4, -1), fence_max_m=(9, 4, 5), fence_radius_m=6.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
     assert inside((1.0, 2.0, 1.5), limits) == pytest.approx((1.0, 2.0, 1.5))
     assert inside((0.0, 5.0, 1.5), limits) == pytest.approx((0.0, 3.7, 1.5))
     assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))

@@ -32,7 +32,16 @@ def one_of_each(path: Path) -> None:
     )  # fmt: skip
     power = np.linspace(0, 1, 180 * 360).astype(np.float16).tobytes()
     certain = ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01))
-    target = Target(9, 0.5, (1.0, 1.0, 1.0), certain, 4, 6.0, 0.3, 0.9)
+    target = Target(
+        t_mono_ns=9,
+        azimuth_rad=0.5,
+        origin_local_enu_m=(1.0, 1.0, 1.0),
+        covariance_m2=certain,
+        boot=4,
+        range_m=6.0,
+        range_std_m=0.3,
+        probability=0.9,
+    )
     messages: tuple[tuple[Stream, object], ...] = (
         (POSE, POSE_AT),
         (POSE_IN, pose_bytes(POSE_AT)),

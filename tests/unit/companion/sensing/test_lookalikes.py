@@ -41,7 +41,7 @@ def test_halves_of_the_packets_are_one_transmitter_and_others_are_others(monkeyp
     monkeypatch.setattr(bearings, "make_aperture", halved)
     others: list[float] = []
     for run in find_runs(DATA / "wsr_dataset_dev" / "NLOS_Set_A")[:2]:
-        links = analyze_run(run, Options(PoseKind.MOCAP)).links
+        links = analyze_run(run, Options(kind=PoseKind.MOCAP)).links
         profiles = [fingerprint(link.profile) for link in links if link.profile is not None]
         others += [likeness(a, b) for a, b in combinations(profiles, 2)]
     assert len(halves) == len(others) == 6

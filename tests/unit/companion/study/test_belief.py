@@ -36,7 +36,19 @@ def test_a_truth_behind_the_vehicle_is_no_held_direction() -> None:
 
 def test_the_belief_is_the_likeliest_source_where_the_target_has_come_to() -> None:
     covariance = ((4.0, 0.1, 0.0), (0.1, 1.0, 0.0), (0.0, 0.0, 0.5))
-    belief = belief_of(Target(0, 0.0, (5.0, 2.0, 1.5), covariance, 7, 10.0, 2.0, 0.9), (6.0, 0.0, 0.0))
+    belief = belief_of(
+        Target(
+            t_mono_ns=0,
+            azimuth_rad=0.0,
+            origin_local_enu_m=(5.0, 2.0, 1.5),
+            covariance_m2=covariance,
+            boot=7,
+            range_m=10.0,
+            range_std_m=2.0,
+            probability=0.9,
+        ),
+        (6.0, 0.0, 0.0),
+    )
     assert belief.mean_m.tolist() == [11.0, 2.0, 1.5] and belief.covariance_m2.tolist() == [list(r) for r in covariance]
 
 
