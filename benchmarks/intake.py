@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 
 from benchmarks.timing import best_s
 from companion.config.schema import Config, CsiConfig, NeighbourConfig
-from companion.core.clock import NS_PER_S, ManualClock, MonotonicClock
+from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.neighbours import wire
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
 from companion.radio.card import Radio
-from companion.replay.recorded import RecordedCsi
+from companion.replay.recorded import RecordedCsi, ReplayClock
 from companion.sensing.window import SarWindow
 from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
@@ -182,7 +182,7 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event,
 
 
 def _take_all(bodies: list[tuple[int, bytes]]) -> None:
-    clock = ManualClock(NS_PER_S)
+    clock = ReplayClock(NS_PER_S)
     receiver = NeighbourReceiver(1, {i: str(i) for i in range(2, 5)}, {i: [_KEY] for i in range(2, 5)}, clock)
     window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
 

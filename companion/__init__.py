@@ -1,4 +1,8 @@
-"""The drone: decisions, edges, and one app that wires them."""
+"""The companion of a drone that finds another robot: CSI, poses, datagrams and telemetry come in, set points and logs
+go out. `cli` starts a command, `app` the service. Every folder is a room that says what it may touch;
+docs/architecture.md has their order, which `make check` keeps. Nothing of ours is imported here: the camera's reader
+goes through it.
+"""
 
 import os
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
+from tests.manual_clock import ManualClock
 from wsr.reduced import reduce_channel
 
 KEY = b"k" * 32

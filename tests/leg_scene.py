@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
@@ -21,6 +21,7 @@ from companion.sim.scenario import RadioScenario
 from companion.sim.trajectory import Trajectory
 from csi_bridge.encoder import encode_body
 from csi_bridge.records import CSI_CODE, CsiRecord
+from tests.manual_clock import ManualClock
 from tests.sim_scenes import BEACON_MAC, UAV_MAC, scene, straight, weave
 from wsr.channel import wavelength_m
 from wsr.estimators.robust import Robust

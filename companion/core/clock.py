@@ -60,23 +60,6 @@ class HostSleep:
         return boot_ns - self._monotonic_ns(), boot_ns - before_ns
 
 
-class ManualClock:
-    """A clock for tests: time passes only when somebody sleeps."""
-
-    def __init__(self, now_ns: int = 0) -> None:
-        self._now_ns = now_ns
-
-    def now_ns(self) -> int:
-        return self._now_ns
-
-    def advance(self, seconds: float) -> None:
-        self._now_ns += round(seconds * NS_PER_S)
-
-    async def sleep_until_ns(self, deadline_ns: int) -> None:
-        self._now_ns = max(self._now_ns, deadline_ns)
-        await asyncio.sleep(0)
-
-
 class Ticker:
     """Ticks at absolute deadlines. A late tick is counted as an overrun and the missed deadlines are skipped: a
     control loop that fell behind must act on fresh data, not catch up on old deadlines."""

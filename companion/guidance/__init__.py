@@ -1,3 +1,4 @@
-"""Where to fly: bearings in; the target's place, legs towards it and the set points along them out. Pure of I/O; takes
-the fence from `safety`, begins and ends the iterations of `sensing` with its legs, and commands nothing.
+"""Where to fly: bearings in; where the target may be (`tracker`, `targets`) and the set points of one continuous path
+there (`approach`, by `steering` and `motion`) out. Pure of I/O; takes bearings from `sensing` and the fence from
+`safety`, and commands nothing.
 """

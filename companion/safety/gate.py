@@ -98,10 +98,6 @@ class Verdict:
     setpoint: Setpoint | None
     reasons: tuple[Reason, ...] = ()
 
-    @property
-    def passed(self) -> bool:
-        return not self.reasons
-
 
 @dataclass(frozen=True, slots=True)
 class Gate:

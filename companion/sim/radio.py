@@ -108,7 +108,7 @@ class RadioLink:
             return [], []
         first, self._next = self._next, self._next + count
         draws = exchange_draws(self._scenario.seed, first, count)
-        t_s = _times(self._scenario, np.arange(first, first + count), draws)
+        t_s = exchange_times(self._scenario, np.arange(first, first + count), draws)
         signal = self._signal(t_s, uav, beacon, draws)
         at_beacon, at_uav = (self._hear(side, first, t_s[side], signal[side], draws) for side in (0, 1))
         return at_uav, at_beacon
@@ -191,14 +191,8 @@ def simulate_exchanges(scenario: Scenario, uav: Trajectory, beacon: Trajectory) 
     return link.advance(float(uav.t_s[-1]), uav, beacon)
 
 
-def exchange_times(scenario: Scenario, counters: npt.NDArray[np.int64]) -> tuple[Array, Array]:
-    """True times [s] of the ping and of the answer of consecutive exchanges `counters` (N,): two arrays (N,)."""
-    t_ping_s, t_answer_s = _times(scenario, counters, exchange_draws(scenario.seed, int(counters[0]), len(counters)))
-    return t_ping_s, t_answer_s
-
-
-def _times(scenario: Scenario, counters: npt.NDArray[np.int64], draws: ExchangeDraws) -> Array:
-    """(2, N): pings and answers."""
+def exchange_times(scenario: Scenario, counters: npt.NDArray[np.int64], draws: ExchangeDraws) -> Array:
+    """True times [s] of consecutive exchanges `counters` (N,) with their `draws`: (2, N), pings and answers."""
     radio = scenario.radio
     outlier = draws.uniforms[:, 1] < radio.turnaround_outlier_probability
     late_s = np.where(outlier, radio.turnaround_outlier_s * (0.5 + draws.uniforms[:, 2]), 0.0)

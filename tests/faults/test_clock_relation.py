@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.neighbour import Standing
 from companion.neighbours.receiver import NeighbourReceiver
@@ -16,6 +16,7 @@ from companion.neighbours.sender import NeighbourSender
 from tests.datagrams import KEY, KEYS, boot
 from tests.faults.figures import record as note
 from tests.leg_scene import Scene
+from tests.manual_clock import ManualClock
 
 OFFSET_NS = 56 * NS_PER_S + 370_000_000
 CSI = np.full(30, 20 + 5j, np.complex64)

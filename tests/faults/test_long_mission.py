@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
 from companion.flight.loop import Flight
@@ -36,6 +36,7 @@ from companion.sim.stage import set_stage
 from csi_bridge.records import SUBCARRIERS
 from tests.faults.campaigns import runs
 from tests.faults.figures import record
+from tests.manual_clock import ManualClock
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 from wsr.channel import wavelength_m

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from companion.config.schema import Config, CsiConfig, NeighbourConfig
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.boots import BootBook
 from companion.neighbours.link import Link
@@ -22,6 +22,7 @@ from companion.sim.stage import free_udp_port
 from tests.datagrams import KEY, KEYS, boot, datagram
 from tests.faults.campaigns import runs
 from tests.faults.figures import record as note
+from tests.manual_clock import ManualClock
 from tests.mutation import mutant
 
 SEED = 20

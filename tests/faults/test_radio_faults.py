@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
 from companion.mission.table import State
 from companion.radio.card import ChannelSample, Radio
@@ -28,6 +28,7 @@ from csi_bridge.records import CSI_CODE, CsiRecord
 from tests.connectors import claimed, needs_netlink
 from tests.csi_records import MAC, record
 from tests.faults.figures import record as note
+from tests.manual_clock import ManualClock
 
 
 class Card:

@@ -13,8 +13,8 @@ import pytest
 
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
-from companion.sim.px4.process import Px4Process
 from companion.sim.stage import free_udp_port
+from tests.sitl.px4_process import Px4Process
 
 
 def test_truth_is_sent_at_100_hz_and_a_missing_receiver_does_no_harm(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.core.clock import MonotonicClock
-from companion.sim.px4.process import Px4Process
 from companion.sim.stage import free_udp_port
 from tests.sitl.edge import OPTIONS
+from tests.sitl.px4_process import Px4Process
 
 
 @pytest.fixture

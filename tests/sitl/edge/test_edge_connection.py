@@ -12,8 +12,8 @@ from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.core.messages import Setpoint
-from companion.sim.px4.process import Px4Process
 from tests.sitl.edge import OPTIONS
+from tests.sitl.px4_process import Px4Process
 
 _CLOCK = MonotonicClock()
 

@@ -14,7 +14,7 @@ from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S, MonotonicClock, Ticker
 from companion.core.messages import FlightMode, Setpoint
-from companion.sim.px4.process import Px4Process
+from tests.sitl.px4_process import Px4Process
 
 _CLOCK = MonotonicClock()
 

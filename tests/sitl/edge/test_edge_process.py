@@ -11,7 +11,7 @@ import time
 import pytest
 
 from companion.core.clock import NS_PER_S
-from companion.sim.px4.process import Px4Process
+from tests.sitl.px4_process import Px4Process
 
 _CLIENT = textwrap.dedent(
     """

@@ -11,7 +11,7 @@ from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.core.messages import Pose
-from companion.sim.px4.process import Px4Process
+from tests.sitl.px4_process import Px4Process
 
 _CLOCK = MonotonicClock()
 

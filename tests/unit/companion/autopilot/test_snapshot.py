@@ -7,10 +7,10 @@ from typing import cast
 
 from companion.autopilot.port import Autopilot
 from companion.autopilot.snapshot import SnapshotAutopilot
-from companion.core.clock import ManualClock
 from companion.core.event_clock import EventClock
 from companion.core.messages import VehicleState
 from companion.core.streams import VEHICLE
+from tests.manual_clock import ManualClock
 from tests.unit.companion.flight.kept import Kept
 
 

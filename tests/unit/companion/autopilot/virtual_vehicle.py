@@ -9,9 +9,10 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, VehicleState
 from companion.sim.px4.autopilot import Px4
+from tests.manual_clock import ManualClock
 
 _STEP_S = 0.01
 _WATCH_S = 0.1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from companion.core.clock import NS_PER_S, HostSleep, ManualClock, Ticker, age_s
+from companion.core.clock import NS_PER_S, HostSleep, Ticker, age_s
+from tests.manual_clock import ManualClock
 
 
 async def test_ticks_do_not_drift_and_a_stall_is_counted() -> None:

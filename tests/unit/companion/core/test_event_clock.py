@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from companion.core.clock import ManualClock
 from companion.core.event_clock import EventClock
+from tests.manual_clock import ManualClock
 
 
 async def test_the_clock_stands_still_inside_an_event_and_goes_on_outside() -> None:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from companion.autopilot.port import AutopilotError
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import FlightMode, VehicleState
 from companion.flight.commands import FlightCommands
+from tests.manual_clock import ManualClock
 
 _NOW_NS = 100 * NS_PER_S
 _FLYING = VehicleState(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
 from companion.core.streams import MISSION
 from companion.flight.course import Course
 from companion.flight.records import SERVICE_ENDS, MissionStep
 from companion.mission.table import Action, State
+from tests.manual_clock import ManualClock
 from tests.unit.companion.flight.kept import Kept
 
 

@@ -10,13 +10,14 @@ import pytest
 from companion.autopilot.port import AutopilotError
 from companion.config.file import load_config
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event, Surroundings
 from companion.core.messages import FlightMode, VehicleState
 from companion.core.streams import SURROUNDINGS
 from companion.flight.course import Course
 from companion.flight.engagement import Engagement
+from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
 from tests.unit.companion.flight.kept import Kept
 

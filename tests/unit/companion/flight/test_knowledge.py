@@ -10,7 +10,7 @@ import numpy as np
 
 from companion.config.file import load_config
 from companion.config.schema import ApertureConfig
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
 from companion.flight.course import Course
@@ -19,6 +19,7 @@ from companion.flight.local_frame import LocalFrame
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.sensing.records import Iteration
+from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
 from tests.unit.companion.flight.kept import Kept
 from wsr.aoa import AoaEstimate

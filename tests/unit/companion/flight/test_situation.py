@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
 from companion.core.messages import FlightMode, Vector3, VehicleState
 from companion.flight.course import Course
 from companion.flight.situation import Situations
 from companion.mission.conditions import Situation
+from tests.manual_clock import ManualClock
 from tests.unit.companion.flight.kept import Kept
 
 _STANDS = VehicleState(t_mono_ns=0, mode=FlightMode.HOLD)

@@ -9,11 +9,12 @@ import pytest
 
 from companion.autopilot.port import AutopilotError
 from companion.config.schema import PoseConfig
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, Vector3, VehicleState
 from companion.flight.vio_forward import VioForwarder
 from companion.pose.autopilot import AutopilotPoses
 from companion.pose.intake import PoseIntake
+from tests.manual_clock import ManualClock
 
 _HZ = 200
 _STEP_NS = NS_PER_S // _HZ

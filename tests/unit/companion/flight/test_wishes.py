@@ -6,13 +6,14 @@ import asyncio
 from collections.abc import Coroutine
 from typing import Any
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event, Wish
 from companion.core.messages import VehicleState
 from companion.flight.course import Course
 from companion.flight.rc_switch import RcSwitch
 from companion.flight.wishes import Wishes
+from tests.manual_clock import ManualClock
 from tests.unit.companion.flight.kept import Kept
 
 _NOW_NS = 100 * NS_PER_S

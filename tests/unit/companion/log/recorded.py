@@ -7,11 +7,11 @@ from pathlib import Path
 
 from companion.config.file import load_config
 from companion.config.schema import Config
-from companion.core.clock import ManualClock
 from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Setpoint
 from companion.core.streams import CSI, SETPOINT
 from companion.log.recorder import McapRecorder
+from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
 
 CONFIG = load_config(CONFIGS / "uav.yaml")

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.neighbours.neighbour import Standing
 from companion.neighbours.receiver import NeighbourReceiver
 from tests.datagrams import KEY, KEYS, datagram
+from tests.manual_clock import ManualClock
 
 
 def listening(clock: ManualClock) -> NeighbourReceiver:

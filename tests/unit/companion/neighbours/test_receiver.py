@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from companion.core.clock import ManualClock
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
 from tests.datagrams import KEY, boot, datagram, receiver
+from tests.manual_clock import ManualClock
 
 
 def test_replays_and_strangers_are_refused_and_counted() -> None:

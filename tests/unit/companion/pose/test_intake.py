@@ -7,9 +7,10 @@ import math
 import pytest
 
 from companion.config.schema import PoseConfig
-from companion.core.clock import NS_PER_S, ManualClock
+from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
 from companion.pose.intake import PoseIntake
+from tests.manual_clock import ManualClock
 from tests.unit.companion.pose.turning import yawed_pose
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from companion.config.schema import NatNetConfig
-from companion.core.clock import ManualClock, MonotonicClock
+from companion.core.clock import MonotonicClock
 from companion.core.messages import Pose
 from companion.pose.natnet import NatNetPoses
+from tests.manual_clock import ManualClock
 from tests.paths import FIELD_CASES
 from tests.unit.companion.pose.natnet_frames import T_S, VERSIONS, datagram, frame, server_info
 

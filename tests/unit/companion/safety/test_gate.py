@@ -46,13 +46,13 @@ def _at(p_m: Vector3) -> VehicleState:
 def test_good_set_point_passes_unchanged() -> None:
     verdict = _GATE.check(_GOOD, _STATE, _NOW_NS, True)
     assert verdict.setpoint is _GOOD
-    assert verdict.passed and verdict.reasons == ()
+    assert verdict.reasons == ()
 
 
 def test_nothing_is_sent_in_a_foreign_mode() -> None:
     verdict = _GATE.check(_GOOD, _STATE, _NOW_NS, False)
     assert verdict.setpoint is None and verdict.reasons == (Reason.MODE,)
-    assert not verdict.passed
+    assert verdict.reasons
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_fence(p_m: Vector3, reasons: tuple[Reason, ...]) -> None:
 
 def test_a_set_point_back_into_the_fence_passes() -> None:
     inward = dataclasses.replace(_GOOD, p_local_enu_m=(9.8, 0.0, 1.5), v_local_enu_m_s=(-0.4, 0.0, 0.0))
-    assert _GATE.check(inward, _at((10.6, 0.0, 1.5)), _NOW_NS, True).passed
+    assert not _GATE.check(inward, _at((10.6, 0.0, 1.5)), _NOW_NS, True).reasons
 
 
 def test_acceleration_is_judged_from_the_velocity_flown() -> None:
@@ -104,7 +104,7 @@ def test_acceleration_is_judged_from_the_velocity_flown() -> None:
     back = dataclasses.replace(_GOOD, v_local_enu_m_s=(-0.61, 0.0, 0.0))
     assert _GATE.check(back, forward, _NOW_NS, True).reasons == (Reason.ACCELERATION,)
     slower = dataclasses.replace(_GOOD, v_local_enu_m_s=(-0.59, 0.0, 0.0))
-    assert _GATE.check(slower, forward, _NOW_NS, True).passed
+    assert not _GATE.check(slower, forward, _NOW_NS, True).reasons
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_without_a_usable_position_nothing_is_sent(known: dict[str, object]) -> 
 
 def test_telemetry_younger_than_the_tick_is_used() -> None:
     state = dataclasses.replace(_STATE, position_mono_ns=_NOW_NS + 1_000_000)
-    assert _GATE.check(_GOOD, state, _NOW_NS, True).passed
+    assert not _GATE.check(_GOOD, state, _NOW_NS, True).reasons
 
 
 @pytest.mark.parametrize(
@@ -148,19 +148,21 @@ def test_telemetry_younger_than_the_tick_is_used() -> None:
     ],
 )
 def test_limits_at_their_very_edge(setpoint: Setpoint, allowed: bool) -> None:
-    assert _GATE.check(setpoint, _STATE, _NOW_NS, True).passed is allowed
+    assert (not _GATE.check(setpoint, _STATE, _NOW_NS, True).reasons) is allowed
 
 
 def test_the_edge_of_fence_acceleration_and_telemetry() -> None:
     on_box = (10.0, 0.0, 1.5)
-    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=on_box), _at(on_box), _NOW_NS, True).passed
+    assert not _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=on_box), _at(on_box), _NOW_NS, True).reasons
     low_box = (-10.0, 0.0, 1.5)
-    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=low_box), _at(low_box), _NOW_NS, True).passed
+    assert not _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=low_box), _at(low_box), _NOW_NS, True).reasons
     on_cylinder = (7.2, 9.6, 1.5)  # 12 m from the axis: a triangle of 3, 4 and 5
-    assert _GATE.check(dataclasses.replace(_GOOD, p_local_enu_m=on_cylinder), _at(on_cylinder), _NOW_NS, True).passed
+    assert not _GATE.check(
+        dataclasses.replace(_GOOD, p_local_enu_m=on_cylinder), _at(on_cylinder), _NOW_NS, True
+    ).reasons
     at_rest = dataclasses.replace(_STATE, v_local_enu_m_s=(-0.5, 0.0, 0.0), position_mono_ns=_NOW_NS - 500_000_000)
     hardest = dataclasses.replace(_GOOD, v_local_enu_m_s=(1.0, 0.0, 0.0))
-    assert _GATE.check(hardest, at_rest, _NOW_NS, True).passed
+    assert not _GATE.check(hardest, at_rest, _NOW_NS, True).reasons
 
 
 def _neighbour_verdict(x_m: float, neighbour: Vector3, own: Vector3 = (1.0, 2.0, 1.5)) -> tuple[Reason, ...]:
@@ -192,10 +194,10 @@ def test_a_velocity_alone_is_judged_by_where_it_leads() -> None:
     assert _GATE.check(alone, fast, _NOW_NS, True).setpoint is alone
     at_edge = dataclasses.replace(fast, p_local_enu_m=(9.51, 0.0, 1.5))
     assert _GATE.check(alone, at_edge, _NOW_NS, True).reasons == (Reason.FENCE_BOX,)
-    assert _GATE.check(alone, dataclasses.replace(at_edge, p_local_enu_m=(9.5, 0.0, 1.5)), _NOW_NS, True).passed
+    assert not _GATE.check(alone, dataclasses.replace(at_edge, p_local_enu_m=(9.5, 0.0, 1.5)), _NOW_NS, True).reasons
     slower = Setpoint(_NOW_NS, None, (0.8, 0.0, 0.0), None)
-    assert _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.59, 0.0, 1.5)), _NOW_NS, True).passed
-    assert not _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.61, 0.0, 1.5)), _NOW_NS, True).passed
+    assert not _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.59, 0.0, 1.5)), _NOW_NS, True).reasons
+    assert _GATE.check(slower, dataclasses.replace(at_edge, p_local_enu_m=(9.61, 0.0, 1.5)), _NOW_NS, True).reasons
     down = Setpoint(_NOW_NS, None, (0.3, 0.0, -0.5), 0.7)
     assert _GATE.check(down, _at((1.0, 2.0, 0.74)), _NOW_NS, True).reasons == (Reason.HEIGHT,)
     verdict = _GATE.check(Setpoint(_NOW_NS, None, (math.nan, 0.0, 0.0), None), _STATE, _NOW_NS, True)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from companion.sim.draws import exchange_draws
 from companion.sim.radio import RadioLink, exchange_times, simulate_exchanges
 from companion.sim.scenario import RadioScenario, Scenario
 from companion.sim.trajectory import Array, Trajectory
@@ -42,7 +43,9 @@ def _exchanged(scenario: Scenario, uav: Trajectory, beacon: Trajectory) -> tuple
     at_uav, at_beacon = simulate_exchanges(scenario, uav, beacon)
     i, j = pair_by_counter(_counters(at_beacon), _counters(at_uav))
     counters = _counters(at_beacon)[i]
-    t_ping_s, t_answer_s = exchange_times(scenario, np.arange(counters[0], counters[-1] + 1))
+    every = np.arange(counters[0], counters[-1] + 1)
+    draws = exchange_draws(scenario.seed, int(every[0]), len(every))
+    t_ping_s, t_answer_s = exchange_times(scenario, every, draws)
     rows = counters - counters[0]
     return t_ping_s[rows], t_answer_s[rows], _antenna_a(at_beacon)[i], _antenna_a(at_uav)[j]
 
