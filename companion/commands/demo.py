@@ -7,10 +7,10 @@ import math
 from pathlib import Path
 
 import click
-import msgspec
 import numpy as np
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
@@ -44,7 +44,8 @@ def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, js
     """
     if not math.isfinite(max_time):
         raise click.BadParameter(f"{max_time}: expected seconds", param_hint="--max-time")
-    _check_writable(out, json_path)
+    check_writable(json_path, out)
+    check_writable(out / "flight.png")
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
     console = wide_console(_PIPE_WIDTH)
@@ -55,20 +56,9 @@ def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, js
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)
     if json_path is not None:
-        json_path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_json(json_path, result)
     if not result.reached:
         raise CompanionError(f"seed {seed}: {result.outcome}")
-
-
-def _check_writable(out: Path, json_path: Path | None) -> None:
-    """Before the flight, not after it. Raises CompanionError."""
-    probe = out / "flight.png"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for path in (probe,) if json_path is None else (probe, json_path):
-            path.open("ab").close()
-    except OSError as error:
-        raise CompanionError(f"{error.filename}: cannot be written: {error.strerror}") from None
 
 
 def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:

@@ -41,6 +41,7 @@ class NeighbourReceiver:
         names: Mapping[int, str],
         keys: Mapping[int, Sequence[bytes]],
         clock: Clock,
+        *,
         book: Book | None = None,
         we_ping: bool = True,
         on_accepted: Callable[[int, int, int], None] = lambda *_: None,

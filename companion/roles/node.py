@@ -70,7 +70,13 @@ class Node:
             config.neighbours.budget_bytes_s,
         )
         self.receiver = NeighbourReceiver(
-            config.id, names, _keys(config, inputs), clock, self.book, we_ping=is_uav, on_accepted=self.sender.add_heard
+            config.id,
+            names,
+            _keys(config, inputs),
+            clock,
+            book=self.book,
+            we_ping=is_uav,
+            on_accepted=self.sender.add_heard,
         )
         self.lookalikes = Lookalikes(names, config.neighbours.refuse_lookalikes)
         self._source = inputs.open_csi()

@@ -30,7 +30,7 @@ MUTANTS = runs(10_000, 1_000_000)
 
 
 def receiver(clock: ManualClock, book: BootBook | None = None) -> NeighbourReceiver:
-    return NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, clock, book)
+    return NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, clock, book=book)
 
 
 def test_fault_20_no_forgery_is_accepted() -> None:
