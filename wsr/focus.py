@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.backprojection import Rows, score_rows
 from wsr.geometry import direction
 from wsr.kernel import compiled
 from wsr.subapertures import SubApertures, delay_weight, score, score_grid
@@ -65,6 +67,7 @@ class Bounds:
     planar: bool = False
 
 
+@lru_cache(maxsize=4)
 def sphere_grid(azimuth_step_rad: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Azimuths and polar angles (N,), and rows (T + 1,): rows one and a half steps apart, thinned towards the poles."""
     azimuths, polars, rows = [], [], [0]
@@ -73,7 +76,10 @@ def sphere_grid(azimuth_step_rad: float) -> tuple[Array, Array, NDArray[np.int64
         azimuths.append(-math.pi + 2 * math.pi / count * np.arange(count))
         polars.append(np.full(count, polar))
         rows.append(rows[-1] + count)
-    return np.concatenate(azimuths), np.concatenate(polars), np.array(rows)
+    grid = np.concatenate(azimuths), np.concatenate(polars), np.array(rows)
+    for axis in grid:
+        axis.flags.writeable = False
+    return grid
 
 
 def circle_grid(azimuth_step_rad: float, polars_rad: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -89,8 +95,11 @@ def look(
     ranges_m: Sequence[float | None],
     delay_ns: float | None,
 ) -> Look:
-    """Scores of a grid, fused over scales: each scale counts as much as the others."""
-    return _fused(grid, score(parts, direction(*grid[:2]), ranges_m, delay_ns).score, ranges_m)
+    """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others."""
+    azimuth, polar, first = grid
+    rows = Rows(polar[first[:-1]], first)
+    scores = score_rows(parts, direction(azimuth, polar), rows, tuple(ranges_m), delay_ns)
+    return _fused(grid, scores.score, ranges_m)
 
 
 def look_around(

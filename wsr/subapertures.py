@@ -28,6 +28,8 @@ from wsr.kernel import compiled, phasors
 from wsr.ofdm import LAG, UNIT_HZ, Grid
 
 _MAX_DELAY_NS = 60.0
+BLOCK = 32
+"""Directions that are fused at once: a few vector registers of them, and what is added up stays in the first cache."""
 _DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * LAG * UNIT_HZ)
 
 Array = NDArray[np.float64]
@@ -192,23 +194,27 @@ def score_grid(
     turns = np.empty(bins, np.float32)
     cosine = np.empty(bins, np.float32)
     sine = np.empty(bins, np.float32)
-    y = np.empty((cuts.size - 1, combos, 2), np.float32)
-    total = np.zeros((combos, 2), np.float32)
-    piece = np.empty((combos, 2), np.float32)
-    for n in range(u.shape[0]):
-        for b in range(bins):
-            across[b] = u[n, 0] * x[0, b] + u[n, 1] * x[1, b] + u[n, 2] * x[2, b]
-        for i in range(ranges.size):
-            _path(across, x2, ranges[i], turns)
-            phasors(turns, cosine, sine)
-            for run in range(cuts.size - 1):
-                for s in range(combos):
-                    _dot(h[0, s], h[1, s], cosine, sine, cuts[run], cuts[run + 1], y[run, s])
-            _fuse(y, pieces, lag, power, total, piece, coherence[:, n, i], phase[:, n, i])
+    width = min(BLOCK, u.shape[0])
+    y = np.empty((cuts.size - 1, combos, 2, width), np.float32)
+    room = np.empty((2 * combos + 2, 2, width), np.float32)
+    for i in range(ranges.size):
+        for begin in range(0, u.shape[0], width):
+            count = min(width, u.shape[0] - begin)
+            for m in range(count):
+                n = begin + m
+                for b in range(bins):
+                    across[b] = u[n, 0] * x[0, b] + u[n, 1] * x[1, b] + u[n, 2] * x[2, b]
+                path_turns(across, x2, ranges[i], turns)
+                phasors(turns, cosine, sine)
+                for run in range(cuts.size - 1):
+                    for s in range(combos):
+                        turned_sum(h[0, s], h[1, s], cosine, sine, cuts[run], cuts[run + 1], y[run, s, :, m])
+            after = begin + count
+            fuse(y, count, pieces, lag, power, room, coherence[:, begin:after, i], phase[:, begin:after, i])
 
 
 @compiled
-def _path(across: Array32, x2: Array32, r: float, turns: Array32) -> None:
+def path_turns(across: Array32, x2: Array32, r: float, turns: Array32) -> None:
     """d = |r u - x| - r without cancellation: (x^2 - 2 r u.x) / (sqrt(r^2 - 2 r u.x + x^2) + r); r = 0: -u.x."""
     if r == 0.0:
         for b in range(across.size):
@@ -222,7 +228,7 @@ def _path(across: Array32, x2: Array32, r: float, turns: Array32) -> None:
 
 
 @compiled
-def _dot(re: Array32, im: Array32, cosine: Array32, sine: Array32, first: int, after: int, out: Array32) -> None:
+def turned_sum(re: Array32, im: Array32, cosine: Array32, sine: Array32, first: int, after: int, out: Array32) -> None:
     """Sum of (re + j im)(cosine + j sine): the inner loop."""
     a = b = np.float32(0.0)
     for k in range(first, after):
@@ -233,55 +239,108 @@ def _dot(re: Array32, im: Array32, cosine: Array32, sine: Array32, first: int, a
 
 
 @compiled
-def _fuse(
+def fuse(
     y: Array32,
+    count: int,
     pieces: Indices,
     lag: NDArray[np.complex64],
     power: float,
-    total: Array32,
-    piece: Array32,
+    room: Array32,
     coherence: Array32,
     phase: Array32,
 ) -> None:
-    """Coherence and phase of the lagged product at each scale, from the sums (C, S, 2) of one direction and range."""
+    """Coherence and phase (K, N) of the lagged product at each scale, from the sums (C, S, 2, W) of the `count` = N
+    directions that come first. Vector lanes run over directions. `room` is (2 S + 2, 2, W), for what is added up."""
     combos = y.shape[1]
-    total[:] = 0.0
+    total, piece = room[:combos], room[combos : 2 * combos]
+    match, energy, lagged = room[2 * combos, 0], room[2 * combos, 1], room[2 * combos + 1]
+    total[:], energy[:], lagged[:] = 0.0, 0.0, 0.0
     last = pieces.shape[0] - 1
-    energy = np.float32(0.0)
-    lagged = np.complex64(0.0)
-    squares = np.float32(0.0)
-    size = np.float32(0.0)
+    squares = size = np.float32(0.0)
     for p in range(pieces.shape[0]):
-        match = np.float32(0.0)
+        match[:] = 0.0
         for s in range(combos):
             for part in range(2):
-                value = np.float32(0.0)
-                for run in range(pieces[p, 2], pieces[p, 3]):
-                    value += y[run, s, part]
-                piece[s, part] = value
-                match += value * total[s, part]
-        sign = np.float32(-1.0) if match < 0 else np.float32(1.0)
+                _add_runs(y[:, s, part], pieces[p, 2], pieces[p, 3], count, piece[s, part], total[s, part], match)
         for s in range(combos):
             for part in range(2):
-                total[s, part] += sign * piece[s, part]
+                for m in range(count):
+                    total[s, part, m] += piece[s, part, m] if match[m] >= 0 else -piece[s, part, m]
         size += np.float32(pieces[p, 4])
         new_scale = p == last or pieces[p + 1, 0] != pieces[p, 0]
         if not new_scale and pieces[p + 1, 1] == pieces[p, 1]:
             continue
         for s in range(combos):
-            energy += total[s, 0] ** 2 + total[s, 1] ** 2
+            for m in range(count):
+                energy[m] += total[s, 0, m] ** 2 + total[s, 1, m] ** 2
         for a in range(lag.shape[0]):
-            inner = np.complex64(0.0)
             for b in range(lag.shape[0]):
-                inner += np.complex64(complex(total[b, 0], -total[b, 1])) * lag[a, b]
-            lagged += np.complex64(complex(total[a, 0], total[a, 1])) * inner
+                _add_lagged(total[a], total[b], lag[a, b].real, lag[a, b].imag, count, lagged)
         squares += size * size
         size = np.float32(0.0)
         total[:] = 0.0
         if new_scale:
-            coherence[pieces[p, 0]] = energy / (power * squares)
+            scale = np.float32(1.0) / (np.float32(power) * squares)
+            for m in range(count):
+                coherence[pieces[p, 0], m] = energy[m] * scale
             if lag.shape[0] > 0:
-                phase[pieces[p, 0]] = np.arctan2(lagged.imag, lagged.real)
-            energy = np.float32(0.0)
-            lagged = np.complex64(0.0)
+                _angles(lagged, count, match)
+                for m in range(count):
+                    phase[pieces[p, 0], m] = match[m]
+            energy[:], lagged[:] = 0.0, 0.0
             squares = np.float32(0.0)
+
+
+@compiled
+def _add_runs(y: Array32, first: int, after: int, count: int, piece: Array32, total: Array32, match: Array32) -> None:
+    """The sum of some runs (C, W), and how it matches what there is."""
+    for m in range(count):
+        piece[m] = y[first, m]
+    for run in range(first + 1, after):
+        for m in range(count):
+            piece[m] += y[run, m]
+    for m in range(count):
+        match[m] += piece[m] * total[m]
+
+
+@compiled
+def _add_lagged(a: Array32, b: Array32, re: np.float32, im: np.float32, count: int, lagged: Array32) -> None:
+    """Adds a b^* (re + j im), for complex numbers (2, W)."""
+    for m in range(count):
+        product_re = a[0, m] * b[0, m] + a[1, m] * b[1, m]
+        product_im = a[1, m] * b[0, m] - a[0, m] * b[1, m]
+        lagged[0, m] += product_re * re - product_im * im
+        lagged[1, m] += product_re * im + product_im * re
+
+
+# arctan(a) / a on 0 <= a <= 1 as a polynomial in a^2: minimax, error 4e-8 rad before rounding.
+_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = (
+    np.float32(c)
+    for c in (
+        0.99999933558,
+        -0.33329860775,
+        0.19946565506,
+        -0.1390862868,
+        0.096421948193,
+        -0.055912289341,
+        0.021862930039,
+        -0.0040545590533,
+    )
+)
+
+
+@compiled
+def _angles(xy: Array32, count: int, out: Array32) -> None:
+    """arctan2 of (2, W), which the mathematical library has for one number at a time only."""
+    zero, one, half, quarter = np.float32(0.0), np.float32(1.0), np.float32(math.pi), np.float32(math.pi / 2)
+    for m in range(count):
+        x, y = xy[0, m], xy[1, m]
+        ax, ay = abs(x), abs(y)
+        top = ax if ax > ay else ay
+        ratio = (ay if ax > ay else ax) / (top if top > zero else one)
+        q = ratio * ratio
+        value = _A4 + q * (_A5 + q * (_A6 + q * _A7))
+        value = ratio * (_A0 + q * (_A1 + q * (_A2 + q * (_A3 + q * value))))
+        value = quarter - value if ay > ax else value
+        value = half - value if x < zero else value
+        out[m] = -value if y < zero else value
