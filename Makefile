@@ -46,8 +46,6 @@ pictures: .venv
 
 # tests/lanes.py runs checks and tests side by side; docs/testing.md says what stands where.
 test: $(VENV)/dev.stamp t265
-	@echo compiling the AOA kernels once, before several lanes would
-	@$(BIN)/python -m companion.sensing.worker robust < /dev/null > /dev/null
 	$(BIN)/python -m tests.lanes
 
 test-long: $(VENV)/dev.stamp t265

@@ -1,8 +1,9 @@
 """The checks and all tests side by side, as `make test` runs them: `python -m tests.lanes`.
 
-A lane is one command, and all lanes run at once. What lives in real time waits most of the time and takes what little
-it needs at once; what computes is niced to the last and takes all that is left. A lane is printed when it has ended;
-while it runs its output is in build/test/. docs/testing.md has a table of where the time goes.
+A lane is one command. The AOA kernels are compiled first, once, beside the checks; then all lanes run at once. What
+lives in real time waits most of the time and takes what little it needs at once; what computes is niced to the last and
+takes all that is left. A lane is printed when it has ended; while it runs its output is in build/test/. docs/testing.md
+has a table of where the time goes.
 
 What lives in real time and failed beside the others is judged once more alone, and the last lines say so: beside four
 other lanes on two cores a test can fail of the company it was in.
@@ -15,7 +16,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,7 @@ _ROOT: Final = Path(__file__).resolve().parents[1]
 _OUT: Final = _ROOT / "build" / "test"
 _PYTEST: Final = (sys.executable, "-m", "pytest")
 _NICE: Final = ("nice", "-n", "19")
+_KERNELS: Final = "kernels"
 _INTERRUPTED: Final = 130
 _TESTS_FAILED: Final = 1
 _END_S: Final = 20.0
@@ -43,6 +45,8 @@ class Lane:
     """What is set beside what there is."""
     alone: tuple[str, ...] = ()
     """The command that judges its failures once more, when nothing else runs."""
+    waits: bool = False
+    """It begins when the AOA kernels are compiled, else at once."""
 
     @property
     def output(self) -> Path:
@@ -54,9 +58,8 @@ def _real_time(name: str, *paths: str) -> Lane:
     cache = f"cache_dir={_OUT / name}.cache"
     command = (*_PYTEST, "-o", cache, *(f"tests/sitl/{path}" for path in paths))
     # What an earlier run left of failures is no answer to this one.
-    return Lane(
-        name, (*command, "--cache-clear"), alone=(*command, "--last-failed", "--last-failed-no-failures", "none")
-    )
+    again = (*command, "--last-failed", "--last-failed-no-failures", "none")
+    return Lane(name, (*command, "--cache-clear"), alone=again, waits=True)
 
 
 _FLIGHTS: Final = (
@@ -67,28 +70,30 @@ _FLIGHTS: Final = (
 
 
 def lanes() -> list[Lane]:
-    """Those that take longest first."""
+    """Those that take longest first, of those that begin together."""
     named = {path for _, *paths in _FLIGHTS for path in paths}
     sitl = _ROOT / "tests" / "sitl"
     # A folder shares its fixtures, so it is one.
     every = {path.relative_to(sitl).parts[0] for path in sitl.rglob("test_*.py")}
     computing = ("tests/unit", "tests/property", "tests/golden", "tests/faults")
     return [
+        Lane(_KERNELS, (sys.executable, "-m", "companion.sensing.worker", "robust")),
+        Lane("checks", (*_NICE, "make", "--silent", "check")),
         *(_real_time(*lane) for lane in _FLIGHTS),
         _real_time("edges", *sorted(every - named)),
-        # A thread for each worker: where there are more of BLAS than cores, they spin for each other.
-        Lane("computing", (*_NICE, *_PYTEST, "-n", "2", *computing), ONE_THREAD),
-        Lane("checks", (*_NICE, "make", "--silent", "check")),
+        # A thread for each worker: where there are more of BLAS than cores, they spin for each other. One worker more
+        # than cores, since some tests wait.
+        Lane("computing", (*_NICE, *_PYTEST, "-n", "3", *computing), ONE_THREAD, waits=True),
     ]
 
 
 def run(chosen: list[Lane]) -> int:
     """Runs them all, whatever fails. The exit code: 0 when all is well, 1 when not, 130 when it was interrupted."""
     _OUT.mkdir(parents=True, exist_ok=True)
-    print(f"{', '.join(lane.name for lane in chosen)}: all at once; while they run see {_OUT}/*.txt", flush=True)
+    print(f"{', '.join(lane.name for lane in chosen)}: while they run see {_OUT}/*.txt", flush=True)
     began_s = time.monotonic()
-    started = [(lane, _start(lane)) for lane in chosen]
-    running = {process.pid: (lane, process) for lane, process in started}
+    running = _started(lane for lane in chosen if not lane.waits)
+    waiting = [lane for lane in chosen if lane.waits]
     lines, failed = list[str](), list[tuple[Lane, int]]()
     try:
         while running:
@@ -96,6 +101,8 @@ def run(chosen: list[Lane]) -> int:
             lane, process = running.pop(pid)
             process.returncode = code = os.waitstatus_to_exitcode(status)
             failed += [(lane, code)] * (code != 0)
+            if lane.name == _KERNELS:
+                running |= _started(waiting)
             lines.append(
                 f"{lane.name:>10} {'passed' if code == 0 else f'FAILED ({code})'}: {time.monotonic() - began_s:.0f} s, "
                 f"of which {used.ru_utime + used.ru_stime:.0f} s of processor"
@@ -118,6 +125,12 @@ def _passes_alone(lane: Lane) -> bool:
     passed = subprocess.run(lane.alone, cwd=_ROOT, env=os.environ | lane.environment, check=False).returncode == 0
     print(f"{lane.name:>10} {'passed alone' if passed else 'FAILED alone too'}", flush=True)
     return passed
+
+
+def _started(chosen: Iterable[Lane]) -> dict[int, tuple[Lane, subprocess.Popen[bytes]]]:
+    """By process id."""
+    started = [(lane, _start(lane)) for lane in chosen]
+    return {process.pid: (lane, process) for lane, process in started}
 
 
 def _start(lane: Lane) -> subprocess.Popen[bytes]:

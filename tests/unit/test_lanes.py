@@ -40,6 +40,17 @@ def test_all_lanes_run_and_one_that_fails_fails_all(capsys: pytest.CaptureFixtur
     assert suite.run([good]) == 0
 
 
+def test_lanes_that_wait_begin_when_the_kernels_are_compiled(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """And they begin even when that has failed: each says then what is wrong."""
+    slow = f"import time; time.sleep(0.3); open({str(tmp_path / 'made')!r}, 'w'); raise SystemExit(1)"
+    kernels = Lane("kernels", (sys.executable, "-c", slow))
+    seen = Lane("seen", (sys.executable, "-c", f"open({str(tmp_path / 'made')!r})"), waits=True)
+    assert suite.run([kernels, seen]) == 1
+    assert "seen passed" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_ends_every_lane_and_what_it_started(tmp_path: Path, number: signal.Signals) -> None:
     program = textwrap.dedent(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_a_path_too_large_for_its_range_is_summed_directly() -> None:
 
 
 def test_the_grid_from_pole_to_pole_is_one_of_even_rows() -> None:
-    for t, (begin, end) in enumerate(zip(FIRST[:-1], FIRST[1:], strict=True)):
+    for t, (begin, end) in enumerate(itertools.pairwise(FIRST)):
         assert np.all(POLAR[begin:end] == ROWS.polar_rad[t])
         even = -math.pi + 2 * math.pi * np.arange(end - begin) / (end - begin)
         assert np.abs(AZIMUTH[begin:end] - even).max() < 1e-12

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from companion.study import rendezvous
 from companion.study.catalogue import study
 from companion.study.study import Settings
 from companion.study.trials import trial_seed
@@ -13,11 +15,19 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import SEED, check_leftovers
 
 
-def test_rendezvous_is_the_same_mission_whatever_else_is_flown(tmp_path: Path) -> None:
+def test_rendezvous_is_the_same_mission_whatever_else_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rendezvous, "MAX_TIME_S", 12.0)
     one = study("rendezvous")
     (case,) = one.plan(Settings(1, DATA, ("hall",)))
     first = one.trial(case, trial_seed(SEED, 1))
+    assert len(first.steps) > 5
     assert first == one.trial(case, trial_seed(SEED, 7))
+
+
+def test_rendezvous_arrives_and_says_so(tmp_path: Path) -> None:
+    one = study("rendezvous")
+    (case,) = one.plan(Settings(1, DATA, ("hall",)))
+    first = one.trial(case, trial_seed(SEED, 1))
     assert (first.end, first.succeeded, first.kept_silent, first.left_room) == ("arrived", True, False, False)
     assert first.closest_m <= first.arrived_m < 2.0
     assert 26.0 < first.straight_s < first.reached_s < first.time_s
