@@ -148,6 +148,10 @@ class Readiness:
     mode: FlightMode | None = None
     intended_mode: FlightMode | None = None
     in_air: bool = False
+    armed: bool = False
+    can_arm: bool | None = None
+    """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
+    arming_reasons: tuple[str, ...] = ()
     not_px4: str = ""
     """What the vehicle says it is, where that is no PX4."""
     timesync_age_s: float
@@ -202,6 +206,9 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
         f"the vehicle is no PX4 but {now.not_px4}": bool(now.not_px4),
         _mode_problem(now): True,
+        f"PX4's own arming checks fail: {'; '.join(now.arming_reasons) or 'it has not said why'}": linked
+        and not now.armed
+        and now.can_arm is False,
         "clocks: the autopilot takes no part in TIMESYNC": linked and now.timesync_age_s > _TIMESYNC_S,
         "clocks: the vehicle's own time is not known yet, in which poses are stamped": linked and not now.time_known,
         "no battery tells how full it is (BATTERY_STATUS)": linked and now.battery is None,

@@ -70,6 +70,30 @@ async def test_fault_31_a_vehicle_that_is_no_px4_is_not_engaged(start: Start) ->
         assert "the vehicle is no PX4 but ardupilot" in flight.flight.status()["not_ready"]
 
 
+@pytest.mark.parametrize("gps", [True, False])
+async def test_fault_44_what_px4_itself_would_not_arm_is_refused_with_its_reason(start: Start, gps: bool) -> None:
+    async with _flying(start(gps)) as flight:
+        assert flight.flight.status()["vehicle"]["can_arm"] is True
+        flight.order("checks fail high_accel_bias")
+        await flight.run(1.0)
+        problem = "PX4's own arming checks fail: estimator high accel bias"
+        assert flight.flight.status()["not_ready"] == [problem] and await flight.engage() == problem
+        await flight.run(4.0)
+        assert "COMMAND_LONG 400" not in flight.px4.link.received and not flight.report().armed
+        flight.order("checks pass")
+        await flight.run(1.0)
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+
+
+async def test_fault_44_a_vehicle_that_tells_nothing_of_its_checks_is_refused(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.px4.link.streams._period_ns["SYS_STATUS"] = -1
+        await flight.run(3.5)
+        problem = "PX4's own arming checks fail: it tells nothing of them (SYS_STATUS)"
+        assert flight.flight.status()["not_ready"] == [problem]
+
+
 @pytest.mark.parametrize(
     ("orders", "problem"),
     [

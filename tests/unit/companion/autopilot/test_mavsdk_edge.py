@@ -76,12 +76,13 @@ def test_a_restarted_vehicle_is_asked_again_at_once_and_its_old_state_is_forgott
     assert restarted.heartbeat_mono_ns is not None, "it is heard all the same"
     vehicle.run(0.3)
     after = vehicle.px4.link.received
-    assert after["COMMAND_LONG 511"] == 2 * 8, "each interval once more"
+    assert after["COMMAND_LONG 511"] == 2 * 9, "each interval once more"
     periods_ns = vehicle.px4.link.streams._period_ns
     assert periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 50 and periods_ns["CURRENT_MODE"] == NS_PER_S // 20
     vehicle.run(2.0)
     assert vehicle.state().firmware == "1.16.1" and vehicle.state().mode is FlightMode.HOLD
     told = [event.text for event in vehicle.edge.take_events()]
+    told = [text for text in told if not text.startswith("event ")]  # reports of its arming checks
     assert told == ["the autopilot has restarted: its clock is at 0.0 s again"]
     offset_ns = vehicle.state().clock_offset_ns
     assert offset_ns is not None
@@ -142,6 +143,46 @@ def test_batteries_by_their_ids_and_ages() -> None:
     state = vehicle.state()
     assert state.battery_remaining is None and state.batteries_unknown == (0, 1) and state.battery_mono_ns is not None
     assert told_ns is not None and state.battery_mono_ns <= told_ns + NS_PER_S
+
+
+def test_its_own_arming_checks_and_why_they_fail() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(3.0)
+    assert vehicle.state().can_arm is True and vehicle.state().arming_reasons == ()
+    vehicle.px4.order("checks fail high_accel_bias usb_connected")
+    vehicle.run(1.0)
+    assert vehicle.state().can_arm is False
+    assert vehicle.state().arming_reasons == ("estimator high accel bias", "system usb connected")
+    assert "COMMAND_LONG 401" not in vehicle.px4.link.received, "it has said why by itself"
+    vehicle.px4.order("checks pass")
+    vehicle.run(1.0)
+    assert vehicle.state().can_arm is True and vehicle.state().arming_reasons == ()
+
+
+def test_who_listens_late_asks_why_they_fail_until_it_is_said() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.px4.order("checks fail accel_missing")
+    for _ in range(300):  # it has said so while nobody listened
+        vehicle.clock.advance(0.01)
+        vehicle.px4.step(vehicle.clock.now_ns())
+    vehicle.run(4.5)
+    assert vehicle.state().arming_reasons == ("accel missing",)
+    assert vehicle.px4.link.received["COMMAND_LONG 401"] == 1
+    vehicle.px4.order("checks pass")
+    vehicle.run(3.0)
+    assert vehicle.state().can_arm and vehicle.px4.link.received["COMMAND_LONG 401"] == 1
+
+
+def test_an_armed_vehicle_is_not_asked_about_its_checks() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(3.0)
+    vehicle.px4.commander.arm(vehicle.clock.now_ns())
+    vehicle.px4.order("checks fail accel_missing")
+    vehicle.px4.link.streams._period_ns["SYS_STATUS"] = -1
+    vehicle.run(5.0)
+    assert vehicle.state().can_arm is False and vehicle.state().armed
+    assert vehicle.state().arming_reasons == ("it tells nothing of them (SYS_STATUS)",)
+    assert "COMMAND_LONG 401" not in vehicle.px4.link.received
 
 
 def test_an_origin_gives_a_vehicle_without_gps_its_global_position() -> None:

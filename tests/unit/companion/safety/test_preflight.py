@@ -48,6 +48,8 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
     assert readiness_problems(_READY, _LIMITS) == []
     told_less = replace(_READY, position_is_global=None, intended_mode=None)
     assert readiness_problems(told_less, _LIMITS) == [], "as an older log has it"
+    assert readiness_problems(replace(_READY, can_arm=True), _LIMITS) == []
+    assert readiness_problems(replace(_READY, can_arm=False, armed=True), _LIMITS) == [], "it is armed already"
 
 
 @pytest.mark.parametrize(
@@ -88,6 +90,11 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
             {"outside_fence": "East 0.0, North 0.0, Up -487.0 m"},
             "the vehicle is outside gate.fence_*: East 0.0, North 0.0, Up -487.0 m",
         ),
+        ({"can_arm": False}, "PX4's own arming checks fail: it has not said why"),
+        (
+            {"can_arm": False, "arming_reasons": ("estimator high accel bias", "accel missing")},
+            "PX4's own arming checks fail: estimator high accel bias; accel missing",
+        ),
         ({"not_px4": "ardupilot"}, "the vehicle is no PX4 but ardupilot"),
         ({"time_known": False}, "clocks: the vehicle's own time is not known yet, in which poses are stamped"),
         ({"battery": None}, "no battery tells how full it is (BATTERY_STATUS)"),
@@ -111,6 +118,11 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
 )
 def test_each_thing_that_is_missing_is_one_line(change: dict[str, object], problem: str) -> None:
     assert readiness_problems(replace(_READY, **change), _LIMITS) == [problem]  # type: ignore[arg-type]
+
+
+def test_what_arming_checks_say_is_not_asked_of_a_vehicle_that_is_not_heard() -> None:
+    unheard = replace(_READY, can_arm=False, heartbeat_age_s=9.0)
+    assert readiness_problems(unheard, _LIMITS) == ["no heartbeat of the autopilot"]
 
 
 def test_all_that_is_missing_is_told_at_once() -> None:
