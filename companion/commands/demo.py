@@ -13,6 +13,7 @@ import numpy as np
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
+from companion.host.whole_file import try_to_write, write_whole
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
 from companion.sim.scenes import SCENES
@@ -55,7 +56,7 @@ def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, js
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)
     if json_path is not None:
-        json_path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_whole(json_path, msgspec.json.format(msgspec.json.encode(result), indent=2).decode())
     if not result.reached:
         raise CompanionError(f"seed {seed}: {result.outcome}")
 
@@ -66,7 +67,7 @@ def _check_writable(out: Path, json_path: Path | None) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         for path in (probe,) if json_path is None else (probe, json_path):
-            path.open("ab").close()
+            try_to_write(path)
     except OSError as error:
         raise CompanionError(f"{error.filename}: cannot be written: {error.strerror}") from None
 
