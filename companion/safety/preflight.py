@@ -15,6 +15,8 @@ from companion.core.messages import FlightMode
 
 _ROOM_M: Final = 0.3
 """Between two heights: a climb overshoots, and the estimate's Up wanders."""
+_MOST_DELAY_MS: Final = 100.0
+"""From the moment at which a pose was true to its stamp: exposure and USB of a camera, or a motion capture's own time."""
 _VISION_BITS: Final = 1 | 2 | 8
 """EKF2_EV_CTRL: horizontal position, vertical position, yaw."""
 
@@ -91,6 +93,10 @@ REQUIREMENTS: Final = (
     Requirement(
         "EKF2_HGT_REF", Needed.VISION, lambda v: v == 3, "3 (vision)",
         "the height that is flown at is that of the poses",
+    ),
+    Requirement(
+        "EKF2_EV_DELAY", Needed.VISION, lambda v: 0 <= v <= _MOST_DELAY_MS, "0 to 100 ms, of the camera alone",
+        "our poses carry the vehicle's own time: delays for poses stamped on arrival count the way to it twice",
     ),
 )  # fmt: skip
 """docs/vehicle.md has this table, generated."""

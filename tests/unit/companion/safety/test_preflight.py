@@ -145,7 +145,7 @@ def test_the_parameter_files_pass_the_preflight(name: str, gps: bool) -> None:
 _PX4_DEFAULTS: dict[str, float | str] = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
     "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1, "RTL_RETURN_ALT": 30.0, "GF_MAX_VER_DIST": 0.0,
-    "NAV_MC_ALT_RAD": 0.8,
+    "NAV_MC_ALT_RAD": 0.8, "EKF2_EV_DELAY": 0.0,
 }  # fmt: skip
 
 
@@ -172,6 +172,21 @@ def test_px4s_own_defaults_do_not_pass_and_each_line_says_value_wanted_and_why()
 )
 def test_which_values_pass(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
     (requirement,) = (r for r in required_parameters(gps=True) if r.name == name)
+    assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("SYS_HAS_GPS", (0,), (1, 2)),
+        ("EKF2_EV_CTRL", (11, 15), (0, 3, 9, 10, 14)),
+        ("EKF2_GPS_CTRL", (0,), (1, 7)),
+        ("EKF2_HGT_REF", (3,), (0, 1, 2, 4)),
+        ("EKF2_EV_DELAY", (0.0, 20.0, 100.0), (-1.0, 100.1, 175.0, 300.0)),
+    ],
+)
+def test_which_values_pass_without_gps(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
+    (requirement,) = (r for r in required_parameters(gps=False) if r.name == name)
     assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
 
 
