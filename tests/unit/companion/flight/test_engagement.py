@@ -35,6 +35,7 @@ _RIGHT = {
     "EKF2_EV_CTRL": 11.0,
     "EKF2_GPS_CTRL": 0.0,
     "EKF2_HGT_REF": 3.0,
+    "EKF2_EV_DELAY": 20.0,
 }
 
 
