@@ -43,9 +43,10 @@ def test_without_the_bit_a_firmware_that_tells_has_failed(firmware: str, passed:
     assert _checks(0xEFFFFFFF, 0xEFFFFFFF, 0xEFFFFFFF).passed(firmware, 0) is passed
 
 
-@pytest.mark.parametrize("masks", [(0, _BIT, 0), (0, 0, _BIT)])
+@pytest.mark.parametrize("masks", [(_BIT, 0, 0), (0, _BIT, 0), (_BIT, _BIT, 0)])
 def test_an_older_firmware_that_has_the_bit_tells_too(masks: tuple[int, int, int]) -> None:
-    assert _checks(*masks).passed("1.13.3", 0) is False
+    present, enabled, health = masks
+    assert _checks(health, present, enabled).passed("1.13.3", 0) is False
 
 
 def test_what_was_told_once_is_told_from_then_on() -> None:
@@ -71,6 +72,8 @@ def test_reasons_are_the_errors_of_the_newest_report_that_concern_the_mode() -> 
     assert checks.reasons(None, 0) == ("modes offboard signal", "estimator high accel bias")
     _report(checks, (_NO_STICKS, 4, _EVERY), (_OFFBOARD_SIGNAL, 3, _OFFBOARD))
     assert checks.reasons(FlightMode.HOLD, 0) == ("modes manual control",), "no error: whatever was found"
+    _report(checks, (_NO_STICKS, 4, _EVERY), (_ACCEL_BIAS, 2, _EVERY), (25005055, 0, _EVERY))
+    assert checks.reasons(FlightMode.HOLD, 0) == ("estimator high accel bias", "accel missing"), "worse than an error"
     _report(checks)
     assert checks.reasons(FlightMode.HOLD, 0) == ()
 
