@@ -49,6 +49,15 @@ def test_an_older_firmware_that_has_the_bit_tells_too(masks: tuple[int, int, int
     assert _checks(health, present, enabled).passed("1.13.3", 0) is False
 
 
+@pytest.mark.parametrize("masks", [(0, _BIT, _BIT), (_BIT, 0, _BIT), (_BIT, _BIT, _BIT)])
+def test_wherever_the_bit_was_it_is_told_from_then_on(masks: tuple[int, int, int]) -> None:
+    checks = ArmingChecks()
+    checks.status(*masks, 0)
+    assert checks.passed("1.13.3", 0) is True
+    checks.status(0, 0, 0, 0)
+    assert checks.passed("1.13.3", 0) is False
+
+
 def test_what_was_told_once_is_told_from_then_on() -> None:
     checks = _checks(_BIT)
     checks.status(0, 0, 0, 1)
@@ -61,6 +70,8 @@ def test_silence_is_no_pass_and_says_so() -> None:
     assert nothing.reasons(FlightMode.HOLD, 0) == ("it tells nothing of them (SYS_STATUS)",)
     once = _checks(_BIT, told_ns=5)
     assert once.passed("1.16.1", 5 + 3 * _S) is True and once.reasons(FlightMode.HOLD, 5 + 3 * _S) == ()
+    young = _checks(0, told_ns=(1 << 33) - 1)
+    assert young.passed("1.16.1", 1 << 33) is False and young.reasons(None, 1 << 33) == ()
     assert once.passed("1.16.1", 6 + 3 * _S) is False and len(once.reasons(FlightMode.HOLD, 6 + 3 * _S)) == 1
 
 
