@@ -190,6 +190,21 @@ async def test_parameters(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
         await autopilot.parameter("NO_SUCH")
 
 
+async def test_its_arming_checks_and_their_reasons_come_through_the_library(
+    autopilot: MavsdkAutopilot, px4: Px4Process
+) -> None:
+    async def told(can_arm: bool, reasons: tuple[str, ...]) -> None:
+        async with asyncio.timeout(20):
+            while (autopilot.state().can_arm, autopilot.state().arming_reasons) != (can_arm, reasons):  # noqa: ASYNC110
+                await asyncio.sleep(0.02)
+
+    await told(True, ())
+    px4.order("checks fail high_accel_bias")
+    await told(False, ("estimator high accel bias",))
+    px4.order("checks pass")
+    await told(True, ())
+
+
 async def test_velocity_alone_and_a_free_yaw(autopilot: MavsdkAutopilot, px4: Px4Process) -> None:
     await _fly(autopilot)
     yaw_rad = px4.report().yaw_enu_rad
