@@ -357,3 +357,23 @@ def test_px4_modes_as_they_are_asked_for_and_told() -> None:
     ]
     assert told == [FlightMode.MANUAL, FlightMode.OTHER, FlightMode.TAKEOFF, FlightMode.OTHER]
     assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER
+
+
+def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_either(bench: _Bench) -> None:
+    masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
+    bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 1 << 24 | 13 << 16})
+    bench.take("SYS_STATUS", masks)
+    assert bench.telemetry.state().can_arm is None and bench.telemetry.state().arming_reasons == ()
+
+
+def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Bench) -> None:
+    masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
+    bench.take("SYS_STATUS", masks)
+    for number, arguments in ((27825120, []), (20390844, [0, 0, 0, 128, 7]), (25005055, [0, 0, 0, 0, 255])):
+        bench.take("EVENT", {"id": number, "log_levels": 0x33, "arguments": arguments})
+    assert bench.telemetry.state().arming_reasons == ("estimator high accel bias",)
+
+
+def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _Bench) -> None:
+    bench.take("ESTIMATOR_STATUS", {"flags": 1023})
+    assert bench.telemetry.state().estimator_healthy
