@@ -16,7 +16,7 @@ from companion.core.messages import FlightMode
 _ROOM_M: Final = 0.3
 """Between two heights: a climb overshoots, and the estimate's Up wanders."""
 _MOST_DELAY_MS: Final = 100.0
-"""From the moment at which a pose was true to its stamp: exposure and USB of a camera, or a motion capture's own time."""
+"""From when a pose was true to its stamp: exposure and USB of a camera, or a motion capture's own time."""
 _VISION_BITS: Final = 1 | 2 | 8
 """EKF2_EV_CTRL: horizontal position, vertical position, yaw."""
 
