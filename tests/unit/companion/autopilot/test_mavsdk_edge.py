@@ -263,7 +263,9 @@ async def test_a_command_is_repeated_each_half_second_and_given_up_after_2_9_s(v
     began_s = vehicle.clock.now_ns() / NS_PER_S
     asked = vehicle.sent.count("COMMAND_LONG")
     vehicle.px4.order("offboard refuse")
-    with pytest.raises(AutopilotError, match=r"mode offboard: not confirmed by telemetry; mode is hold, .* was \w+"):
+    with pytest.raises(
+        AutopilotError, match=r"mode offboard: not confirmed by telemetry; mode is hold, .* was temporarily rejected"
+    ):
         await vehicle.edge.request_offboard()
     assert vehicle.clock.now_ns() / NS_PER_S - began_s == pytest.approx(2.9, abs=0.05)
     assert vehicle.sent.count("COMMAND_LONG") - asked == 6
@@ -328,3 +330,42 @@ def test_an_origin_is_sent_in_tenths_of_micro_degrees_and_at_altitude_0() -> Non
         "name": "SET_GPS_GLOBAL_ORIGIN", "target_system": 1, "latitude": 472_500_000, "longitude": -85_000_000,
         "altitude": 0, "time_usec": 0,
     }  # fmt: skip
+
+
+async def test_it_lands_where_hold_is_refused(vehicle: VirtualVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Out of OFFBOARD by way of hold, which needs a position that landing does not."""
+    edge, commander = vehicle.edge, vehicle.px4.commander
+    await edge.arm()
+    await edge.takeoff(1.5)
+    up_m = (edge.state().p_local_enu_m or (0.0, 0.0, 0.0))[2]
+
+    def stream(seconds: float) -> None:
+        for _ in range(round(seconds * 20)):
+            edge.send_setpoint(Setpoint(vehicle.clock.now_ns(), (0.0, 0.0, up_m), (0.0, 0.0, 0.0), 0.0))
+            vehicle.run(0.05)
+
+    stream(1.0)
+    await edge.request_offboard()
+    can_run = commander._can_run
+    monkeypatch.setattr(commander, "_can_run", lambda mode: mode is not Mode.HOLD and can_run(mode))
+
+    async def sleep(seconds: float) -> None:
+        stream(max(seconds, 0.05))
+
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
+    await edge.land()
+    assert edge.state().mode is FlightMode.LAND and vehicle.px4.link.received["COMMAND_LONG 176"] >= 3
+
+
+def test_what_is_asked_for_at_the_beginning() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(0.5)
+    received, periods_ns = vehicle.px4.link.received, vehicle.px4.link.streams._period_ns
+    assert received["COMMAND_LONG 511"] == 9 and received["COMMAND_LONG 512"] == 3, (
+        "a late heartbeat, and both at the beginning"
+    )
+    wanted_hz = {
+        "LOCAL_POSITION_NED": 50, "ATTITUDE": 20, "CURRENT_MODE": 20, "EXTENDED_SYS_STATE": 5, "BATTERY_STATUS": 1,
+        "SYS_STATUS": 2, "ESTIMATOR_STATUS": 2, "RC_CHANNELS": 5, "ODOMETRY": 20,
+    }  # fmt: skip
+    assert {name: NS_PER_S / periods_ns[name] for name in wanted_hz} == wanted_hz
