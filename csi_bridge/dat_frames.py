@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import mmap
 import os
-import stat
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -21,6 +20,7 @@ from csi_bridge.foreign import foreign_format
 from csi_bridge.parser import HEADER, LAYOUTS, body_shape
 from csi_bridge.payload import payload_bytes
 from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, CsiError
+from csi_bridge.regular_file import open_regular
 
 Content = bytes | mmap.mmap
 Shape = tuple[int, int, int]
@@ -105,9 +105,7 @@ def sound_frames(path: Path, data: Content) -> Frames:
 
 def content(path: Path) -> Content:
     try:
-        with path.open("rb") as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise DatFileError(f"{path}: not a file, expected a CSI log")
+        with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size
             data = mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) if size > _MAPPED_BYTES else file.read()
     except OSError as error:

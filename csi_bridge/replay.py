@@ -17,6 +17,7 @@ from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
 from csi_bridge.parser import HEADER, STAMP, body_shape
 from csi_bridge.records import CSI_CODE, CsiError
+from csi_bridge.regular_file import open_regular
 
 _SHORTEST_SLEEP_S: Final = 0.0005
 _DISAGREE_S: Final = 0.5
@@ -64,7 +65,7 @@ class Tape:
 def read_tape(path: Path) -> Tape:
     """Of whichever card, by what the file holds. Raises DatFileError for one that is no log, or has no CSI records."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(_FIRST_BYTES)
             if is_feitcsi(data):
                 data += file.read()

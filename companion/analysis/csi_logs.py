@@ -19,6 +19,7 @@ from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
 from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.foreign import foreign_format
 from csi_bridge.records import CSI_CODE, MPDU_CODE
+from csi_bridge.regular_file import read_regular
 from csi_bridge.scaling import is_40mhz, subcarrier_hz
 
 _FIRST_BYTES: Final = 4096
@@ -95,7 +96,7 @@ class CsiContent:
 def read_content(path: Path) -> CsiContent:
     """Raises CompanionError for a file that cannot be read or is no log of CSI; the message says what it is instead."""
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise CompanionError(f"{path}: {error.strerror}") from None
     is_other = foreign_format(data[:_FIRST_BYTES])

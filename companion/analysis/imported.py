@@ -86,7 +86,7 @@ def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
     for name, path in run.tx_trajectories.items():
         offset_s = options.tx_time_offsets_s.get(name, 0.0)
         sources.append(_pose_messages(path, guess_kind(path), _pose_stream(name, _PEER), offset_s, problems))
-    if run.loose and not all(source is not None for source in sources):
+    if sources[0] is None or (run.loose and not all(source is not None for source in sources)):
         raise RecordingError("; ".join(problems))
     scene = _scene(run, options, problems)
     values = {"scene": msgspec.json.encode(scene).decode()}

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from companion.analysis.trajectories import PoseKind, guess_kind
 from companion.errors import CompanionError
 from companion.pose.trajectory_checks import MAX_POSITION_M
+from csi_bridge.regular_file import open_regular
 from wsr.channel import channel_frequency_hz
 
 KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
@@ -129,9 +130,11 @@ def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind |
 def read_truth(path: Path) -> Survey:
     """Channel and true positions. Raises RecordingError that names the file and the key."""
     try:
-        if path.stat().st_size > _MAX_TRUTH_BYTES:
+        with open_regular(path) as file:
+            data = file.read(_MAX_TRUTH_BYTES + 1)
+        if len(data) > _MAX_TRUTH_BYTES:
             raise RecordingError(f"{path}: larger than 10 MB, expected a few true positions")
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
+        content = json.loads(data.decode("utf-8-sig"))
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from None
     except (ValueError, RecursionError):

@@ -43,6 +43,7 @@ _STATUS_S = 1.0
 _CMD_NAV_TAKEOFF: Final = 22
 _CMD_DO_SET_MODE: Final = 176
 _CMD_ARM_DISARM: Final = 400
+_CMD_RUN_PREARM_CHECKS: Final = 401
 _CMD_SET_MESSAGE_INTERVAL: Final = 511
 _CMD_REQUEST_MESSAGE: Final = 512
 _HEARTBEAT: Final = 0
@@ -60,6 +61,7 @@ _INTERVALS_US: Final = {
     436: 50_000,  # CURRENT_MODE: sent on each change of mode, while HEARTBEAT stays at 1 Hz
     245: 200_000,  # EXTENDED_SYS_STATE
     147: 1_000_000,  # BATTERY_STATUS
+    1: 500_000,  # SYS_STATUS: whether it can arm
     230: 500_000,  # ESTIMATOR_STATUS
     65: 200_000,  # RC_CHANNELS
     331: 50_000,  # ODOMETRY: announces resets of the estimate
@@ -377,6 +379,14 @@ class MavsdkAutopilot:
         elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
+        elif due and self._fails_silently():
+            self._asked_ns = now_ns
+            self._send_command(_CMD_RUN_PREARM_CHECKS, ())
+
+    def _fails_silently(self) -> bool:
+        """It cannot arm, and has said why before we listened: asked, it says so again."""
+        state = self.state()
+        return state.can_arm is False and not state.arming_reasons and not state.armed
 
     def _heartbeat_age_s(self) -> float:
         return (self._clock.now_ns() - (self._telemetry.told("heartbeat_mono_ns") or 0)) / NS_PER_S

@@ -15,6 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from companion.autopilot.arming_checks import ArmingChecks
 from companion.autopilot.batteries import Batteries
 from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
@@ -71,6 +72,7 @@ class Telemetry:
         self.malformed = 0
         self._vehicle_clock = VehicleClock()
         self._batteries = Batteries()
+        self._arming = ArmingChecks()
         self._resets = PositionResets()
         self._events: deque[AutopilotEvent] = deque(maxlen=_EVENTS_KEPT)  # full: the oldest goes
         self._on_odometry = on_odometry
@@ -86,6 +88,7 @@ class Telemetry:
             "ATTITUDE": self._attitude,
             "EXTENDED_SYS_STATE": _landed_state,
             "BATTERY_STATUS": self._battery,
+            "SYS_STATUS": self._status,
             "PARAM_VALUE": self._parameter,
             "COMMAND_ACK": self._acknowledgement,
             "ESTIMATOR_STATUS": self._estimator,
@@ -121,12 +124,15 @@ class Telemetry:
         with self._lock:
             now_ns, clock = self._now_ns(), self._vehicle_clock
             charge = self._batteries.now(now_ns)
+            can_arm = self._arming.passed(self._known.get("firmware", ""), now_ns)
             return VehicleState(
                 **self._known,
                 t_mono_ns=now_ns,
                 battery_remaining=charge.remaining,
                 battery_mono_ns=charge.mono_ns,
                 batteries_unknown=charge.unknown,
+                can_arm=can_arm,
+                arming_reasons=() if can_arm is not False else self._arming.reasons(self._known.get("mode"), now_ns),
                 clock_offset_ns=clock.offset_ns,
                 stood_still_ns=clock.stood_still_ns,
                 resets=self._resets.count,
@@ -173,19 +179,25 @@ class Telemetry:
         was, self._known = self._known, {"boots": self._known.get("boots", 0) + 1}
         self._known.update((name, was[name]) for name in _OF_EVERY_BOOT if name in was)
         self._batteries = Batteries()
+        self._arming = ArmingChecks()
         self._resets.forget()
         self.parameters.clear()
         self.acknowledgements.clear()
 
     def _text(self, fields: Fields, now_ns: int) -> Fields:
-        text = str(fields["text"]).rstrip("\0")
-        self._events.append(AutopilotEvent(now_ns, int(fields["severity"]), text))
+        text, severity = str(fields["text"]).rstrip("\0"), int(fields["severity"])
+        self._events.append(AutopilotEvent(now_ns, severity, text))
+        with self._lock:
+            self._arming.text(severity, text)
         return {}
 
     def _event(self, fields: Fields, now_ns: int) -> Fields:
         # The low half of log_levels is for the pilot (PX4 events interface); the text lies in the autopilot's metadata.
         severity = int(fields["log_levels"]) & 0x0F
-        self._events.append(AutopilotEvent(now_ns, severity, f"event {int(fields['id'])}"))
+        number, arguments = int(fields["id"]), bytes(fields.get("arguments", ()))
+        self._events.append(AutopilotEvent(now_ns, severity, f"event {number}"))
+        with self._lock:
+            self._arming.event(number, severity, int.from_bytes(arguments[:4], "little"))
         return {}
 
     def _odometry(self, fields: Fields, now_ns: int) -> Fields:
@@ -226,6 +238,14 @@ class Telemetry:
         percent = int(fields["battery_remaining"])
         with self._lock:
             self._batteries.take(int(fields["id"]), percent / 100 if percent >= 0 else None, now_ns)
+        return {}
+
+    def _status(self, fields: Fields, now_ns: int) -> Fields:
+        present, enabled, health = (
+            int(fields[f"onboard_control_sensors_{part}"]) for part in ("present", "enabled", "health")
+        )
+        with self._lock:
+            self._arming.status(present, enabled, health, now_ns)
         return {}
 
     def _estimator(self, fields: Fields, now_ns: int) -> Fields:

@@ -10,6 +10,7 @@ from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.config.schema import AutopilotConfig, Config
 from companion.core.clock import MonotonicClock
+from companion.core.messages import VehicleState
 from companion.errors import ConfigError
 from companion.flight.status import vehicle_name
 from companion.radio.checks import Check
@@ -26,7 +27,7 @@ async def autopilot_checks(config: Config, seconds: float) -> list[Check]:
     try:
         async with _connected(config.autopilot, seconds) as edge:
             vehicle = Check("vehicle", True, vehicle_name(edge.state()))
-            return [vehicle, *await _parameters(config, config.autopilot.gps, edge)]
+            return [vehicle, _arming(edge.state()), *await _parameters(config, config.autopilot.gps, edge)]
     except AutopilotError as error:
         taken = "is the service running? companion status names its vehicle" if "taken" in str(error) else ""
         return [Check("vehicle", False, str(error), taken)]
@@ -34,19 +35,27 @@ async def autopilot_checks(config: Config, seconds: float) -> list[Check]:
 
 @contextlib.asynccontextmanager
 async def _connected(config: AutopilotConfig, seconds: float) -> AsyncIterator[MavsdkAutopilot]:
-    """With the firmware's version, where the vehicle tells it."""
+    """With the firmware's version and what its arming checks say, where the vehicle tells them."""
     edge = MavsdkAutopilot(config.url, MonotonicClock(), system_id=config.system_id)
     await edge.connect(seconds)
     watch = asyncio.create_task(edge.watch())
     try:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_VERSION_S):
-                while not edge.state().firmware:  # noqa: ASYNC110 - it is polled
+                while not edge.state().firmware or edge.state().can_arm is False:  # noqa: ASYNC110 - it is polled
                     await asyncio.sleep(_LOOK_S)
         yield edge
     finally:
         watch.cancel()
         await edge.aclose()
+
+
+def _arming(vehicle: VehicleState) -> Check:
+    """Not judged: without GPS they pass only while the service sends poses."""
+    if vehicle.can_arm is False:
+        why = "; ".join(vehicle.arming_reasons) or "it has not said why"
+        return Check("arming checks", True, f"PX4's own fail now: {why}; engage refuses until they pass")
+    return Check("arming checks", True, "PX4's own pass" if vehicle.can_arm else "this firmware does not tell of them")
 
 
 async def _parameters(config: Config, gps: bool, edge: MavsdkAutopilot) -> list[Check]:

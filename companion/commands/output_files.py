@@ -12,7 +12,7 @@ import msgspec
 
 from companion.analysis.runs import printable
 from companion.errors import CompanionError
-from companion.host.whole_file import write_whole
+from companion.host.whole_file import try_to_write, write_whole
 
 
 def check_writable(file: Path | None, folder: Path | None = None) -> None:
@@ -21,8 +21,7 @@ def check_writable(file: Path | None, folder: Path | None = None) -> None:
     if file is not None:
         with writing(file):
             is_new = not file.exists()
-            with file.open("a"):
-                pass
+            try_to_write(file)
             if is_new:
                 file.unlink()
     if folder is not None:

@@ -17,6 +17,7 @@ from companion.config.document import read_document
 from companion.config.rules import config_errors
 from companion.config.schema import CHECK, Config
 from companion.errors import ConfigError
+from csi_bridge.regular_file import open_regular
 
 _LARGEST_BYTES: Final = 256 << 10
 
@@ -32,7 +33,7 @@ def load_config(path: Path) -> Config:
 def _text_of(path: Path) -> str:
     """Raises ConfigError; reads no more than a configuration can hold, whatever the name stands for."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(_LARGEST_BYTES + 1)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such configuration file") from None

@@ -10,12 +10,12 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from companion.config.motions import MIN_VIO_HZ, range_errors, rate_errors, speed_errors
 from companion.config.places import lever_errors, path_errors
 from companion.config.schema import Config
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
-_MIN_VIO_HZ: Final = 20.0
 _POSES_PER_DATAGRAM: Final = 25
 _MAX_LOST_S: Final = 4.0
 """PX4 takes its position for valid 4.6 s after the newest pose; the landing must have begun by then."""
@@ -112,9 +112,9 @@ def _recorder(config: Config) -> Iterator[str]:
 
 def _autopilot(config: Config) -> Iterator[str]:
     autopilot = config.autopilot
-    if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < _MIN_VIO_HZ:
+    if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < MIN_VIO_HZ:
         yield (
-            f"autopilot.forward_vio_hz: {autopilot.forward_vio_hz:g}; expected {_MIN_VIO_HZ:g} or more with "
+            f"autopilot.forward_vio_hz: {autopilot.forward_vio_hz:g}; expected {MIN_VIO_HZ:g} or more with "
             "autopilot.gps: false, or the estimator has no position"
         )
     if config.flies_by_poses and config.pose_lost_s > _MAX_LOST_S:
@@ -122,8 +122,6 @@ def _autopilot(config: Config) -> Iterator[str]:
             f"pose.lost_s: {config.pose_lost_s:g}; expected {_MAX_LOST_S:g} or less with autopilot.gps: false, since "
             "PX4 lands blind 4.6 s after the last pose"
         )
-    if config.mission.speed_m_s > config.gate.max_speed_m_s:
-        yield "mission.speed_m_s: above gate.max_speed_m_s, the gate would refuse every set point"
 
 
 _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
@@ -139,5 +137,8 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _url,
     _recorder,
     _autopilot,
+    speed_errors,
+    range_errors,
+    rate_errors,
 )
 """In the order in which errors are told."""

@@ -98,6 +98,11 @@ class VehicleState:
     """When the battery that `battery_remaining` is of told it; without one, when any last told something."""
     batteries_unknown: tuple[int, ...] = ()
     """Ids of batteries that were heard and now are silent, or do not know how full they are."""
+    can_arm: bool | None = None
+    """The autopilot's own arming checks pass for the mode it is in; False too where it has not told lately, None where
+    its firmware never tells."""
+    arming_reasons: tuple[str, ...] = ()
+    """Why they do not, as far as it has told."""
     intended_mode: FlightMode | None = None
     """What was asked for. In a failsafe it stays while another mode flies, and comes back with its cause's end."""
     system_id: int | None = None

@@ -61,6 +61,7 @@ def _vehicle(state: VehicleState) -> dict[str, Any]:
         "mode": state.mode,
         "intended_mode": state.intended_mode,
         "armed": state.armed,
+        "can_arm": state.can_arm,
         "in_air": state.in_air,
         "p_local_enu_m": state.p_local_enu_m,
         "v_local_enu_m_s": state.v_local_enu_m_s,

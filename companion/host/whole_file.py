@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +19,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     """
     target = path.resolve()
     if target.exists() and not target.is_file():
-        with target.open("wb") as file:
+        with os.fdopen(_opened(target, os.O_WRONLY | os.O_TRUNC), "wb") as file:
             yield file
         return
     part = target.with_name(f".{secrets.token_hex(8)}.part")
@@ -29,6 +31,23 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def try_to_write(path: Path) -> None:
+    """A file that is not there is made, and stays; one that is there stays as it is. Raises OSError."""
+    os.close(_opened(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT))
+
+
+def _opened(path: Path, flags: int) -> int:
+    """Without waiting for somebody to read a named pipe."""
+    try:
+        number = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)
+    except OSError as error:
+        if error.errno == errno.ENXIO:
+            raise OSError(errno.ENXIO, "a named pipe or a socket that nobody reads", str(path)) from None
+        raise
+    os.set_blocking(number, True)
+    return number
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 from companion.core.streams import Stream
 from companion.errors import CompanionError, ConfigError
 from companion.log.writer import Compression, LogWriter
+from csi_bridge.regular_file import open_regular
 
 
 class LogPart:
@@ -154,7 +155,7 @@ def _create(first: Path) -> BinaryIO:
 
 
 def _is_being_written(path: Path) -> bool:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:

@@ -23,6 +23,7 @@ from companion.errors import CompanionError
 from companion.log.parts import parts_beside
 from companion.log.scan import MAGIC_BYTES, RecordScan
 from companion.log.writer import CHECKSUM, LIBRARY, METADATA, checksum_of
+from csi_bridge.regular_file import open_regular
 
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
@@ -77,7 +78,7 @@ class LogScan:
 
     def __iter__(self) -> Iterator[LoggedMessage]:
         try:
-            with self.path.open("rb") as file:
+            with open_regular(self.path) as file:
                 self.size_bytes = self.path.stat().st_size
                 magic = file.read(MAGIC_BYTES)
                 records = RecordScan(file, self._past_damage)
@@ -129,7 +130,7 @@ class LogScan:
 
     def _learn_from_all(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:
         """Channels and schemas from wherever they can be read: the end of a finished file tells all of them again."""
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             for record in RecordScan(file):
                 match record:
                     case Schema():
@@ -244,7 +245,7 @@ def metadata_of(path: Path) -> dict[str, dict[str, str]]:
     found: dict[str, dict[str, str]] = {}
     is_sound = True
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             scan = RecordScan(file, passed_over=(Opcode.CHUNK, Opcode.ATTACHMENT))
             for record in scan:
                 if isinstance(record, Metadata):
@@ -278,7 +279,7 @@ def is_foreign_log(path: Path) -> bool:
 
 def _why_no_log(path: Path) -> str:
     """Why a file without our metadata has none."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         magic = file.read(MAGIC_BYTES)
         if not magic:
             return "empty; nothing was written to it"

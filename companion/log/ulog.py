@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
+from csi_bridge.regular_file import open_regular
 
 PREFIX: Final = "/px4/"
 _POSITION: Final = "vehicle_local_position"
@@ -78,7 +79,7 @@ class Ulog:
         self.path = path
         try:
             # Given its name, it leaves a bad file open; and what it says of damage it prints.
-            with _ForwardOnly(io.FileIO(path)) as file, contextlib.redirect_stdout(io.StringIO()):
+            with _ForwardOnly(open_regular(path).detach()) as file, contextlib.redirect_stdout(io.StringIO()):
                 self._log = ULog(file)
         except (ULogException, struct.error, OSError, *_UNREADABLE) as error:
             raise CompanionError(f"{path}: not a readable .ulg file: {error}") from None

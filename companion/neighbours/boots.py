@@ -19,6 +19,7 @@ import msgspec
 
 from companion.core.inputs import Reached
 from companion.errors import ConfigError
+from csi_bridge.regular_file import read_regular
 
 _log = logging.getLogger(__name__)
 RESERVE: Final = 50
@@ -94,7 +95,7 @@ class BootBook:
 
     def _read(self) -> _State:
         try:
-            return msgspec.json.decode(self._path.read_bytes(), type=_State)
+            return msgspec.json.decode(read_regular(self._path), type=_State)
         except FileNotFoundError:
             return _State()
         except OSError as error:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from companion.errors import CompanionError, ConfigError
 from companion.neighbours import wire
+from csi_bridge.regular_file import open_regular
 
 _LARGEST_BYTES = 1 << 16
 
@@ -21,7 +22,7 @@ def read_key(path: Path) -> bytes:
     """The secret bytes in `path`. Raises ConfigError when it is missing, short, or readable by others."""
     try:
         mode = path.stat().st_mode
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             key = file.read(_LARGEST_BYTES)  # whatever the name stands for
     except OSError as error:
         raise ConfigError(

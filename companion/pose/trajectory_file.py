@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from companion.pose.trajectory_columns import (
     columns_by_headings,
     columns_by_layout,
 )
+from csi_bridge.regular_file import open_regular
 
 Array = npt.NDArray[np.float64]
 Numbered = tuple[int, list[float]]
@@ -93,11 +95,10 @@ def _lines(path: Path, notes: list[str]) -> list[str]:
     """Raises TrajectoryError for what is no text. A last line without its end is left out: a logger that was stopped in
     the middle of a number leaves one that looks complete."""
     try:
-        if path.exists() and not path.is_file():
-            raise TrajectoryError(f"{path}: not a file, expected a trajectory")
-        if path.stat().st_size > _MAX_BYTES:
-            raise TrajectoryError(f"{path}: more than 1 GiB, expected a trajectory")
-        data = path.read_bytes()
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > _MAX_BYTES:
+                raise TrajectoryError(f"{path}: more than 1 GiB, expected a trajectory")
+            data = file.read()
     except OSError as error:
         raise TrajectoryError(f"{path}: {error.strerror}") from None
     for magic, what in _MAGIC:

@@ -15,6 +15,8 @@ from companion.core.messages import FlightMode
 
 _ROOM_M: Final = 0.3
 """Between two heights: a climb overshoots, and the estimate's Up wanders."""
+_MOST_DELAY_MS: Final = 100.0
+"""From when a pose was true to its stamp: exposure and USB of a camera, or a motion capture's own time."""
 _VISION_BITS: Final = 1 | 2 | 8
 """EKF2_EV_CTRL: horizontal position, vertical position, yaw."""
 
@@ -92,6 +94,10 @@ REQUIREMENTS: Final = (
         "EKF2_HGT_REF", Needed.VISION, lambda v: v == 3, "3 (vision)",
         "the height that is flown at is that of the poses",
     ),
+    Requirement(
+        "EKF2_EV_DELAY", Needed.VISION, lambda v: 0 <= v <= _MOST_DELAY_MS, "0 to 100 ms, of the camera alone",
+        "our poses carry the vehicle's own time: delays for poses stamped on arrival count the way to it twice",
+    ),
 )  # fmt: skip
 """docs/vehicle.md has this table, generated."""
 
@@ -148,6 +154,10 @@ class Readiness:
     mode: FlightMode | None = None
     intended_mode: FlightMode | None = None
     in_air: bool = False
+    armed: bool = False
+    can_arm: bool | None = None
+    """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
+    arming_reasons: tuple[str, ...] = ()
     not_px4: str = ""
     """What the vehicle says it is, where that is no PX4."""
     timesync_age_s: float
@@ -202,6 +212,9 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
         f"the vehicle is no PX4 but {now.not_px4}": bool(now.not_px4),
         _mode_problem(now): True,
+        f"PX4's own arming checks fail: {'; '.join(now.arming_reasons) or 'it has not said why'}": linked
+        and not now.armed
+        and now.can_arm is False,
         "clocks: the autopilot takes no part in TIMESYNC": linked and now.timesync_age_s > _TIMESYNC_S,
         "clocks: the vehicle's own time is not known yet, in which poses are stamped": linked and not now.time_known,
         "no battery tells how full it is (BATTERY_STATUS)": linked and now.battery is None,

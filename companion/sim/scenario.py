@@ -11,6 +11,7 @@ from msgspec import Meta
 
 from companion.core.messages import Vector3
 from companion.errors import ConfigError
+from csi_bridge.regular_file import read_regular
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -154,7 +155,7 @@ class Scenario:
 def load_scenario(path: Path) -> Scenario:
     """Raises ConfigError naming the file and the key."""
     try:
-        text = path.read_bytes()
+        text = read_regular(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read the scenario: {error.strerror}") from None
     try:

@@ -11,6 +11,7 @@ from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.parser import FeitLogParser, next_record_at, record_size
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.records import CsiError
+from csi_bridge.regular_file import read_regular
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +47,7 @@ def read_log(path: str | Path) -> FeitLog:
     """Raises DatFileError for a file that is missing, unreadable or has no record."""
     path = Path(path)
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise DatFileError(f"{path}: {error.strerror}") from None
     log = parse_log(data, path)

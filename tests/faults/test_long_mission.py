@@ -45,7 +45,7 @@ _RATE_HZ = 20
 _POSES_PER_TICK = 5
 _MODES = {
     Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF,
-    Mode.RTL: FlightMode.RETURN,
+    Mode.RTL: FlightMode.RETURN, Mode.LAND: FlightMode.LAND, Mode.POSCTL: FlightMode.MANUAL,
 }  # fmt: skip
 _GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8}  # fmt: skip # noqa: E501
 
@@ -296,4 +296,5 @@ async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
         service.close()
     print(f"farthest {farthest_m:.2f} m, {refused} set points refused, {' '.join(states)}")
     assert refused < 100 and 0.6 < farthest_m < 1.5 + 0.3
-    assert states[4:6] == [State.APPROACHING, State.LANDING]
+    assert states[4:] == [State.APPROACHING, State.LANDING, State.IDLE], "it has landed by itself"
+    assert service.autopilot.commander.landed and service.autopilot.commander.mode is Mode.HOLD

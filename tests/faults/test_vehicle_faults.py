@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.mission.table import State
+from tests.faults.figures import record
 from tests.faults.virtual_flight import VirtualFlight
 
 Start = Callable[..., VirtualFlight]
@@ -19,8 +20,8 @@ Start = Callable[..., VirtualFlight]
 
 @pytest.fixture
 def start(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Start:
-    def begin(gps: bool = True, **parameters: int | float) -> VirtualFlight:
-        return VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps, **parameters)
+    def begin(gps: bool = True, clock_rate: float = 1.0, **parameters: int | float) -> VirtualFlight:
+        return VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps, clock_rate, **parameters)
 
     return begin
 
@@ -42,6 +43,7 @@ async def test_fault_34_a_whole_flight_from_ground_to_ground(start: Start, gps: 
         await flight.until(State.APPROACHING)
         await flight.run(5.0)
         heights_m = [p[2] for p, _ in flight.truths[-60:]]
+        lowest_m, highest_m = min(heights_m), max(heights_m)
         assert all(abs(height_m - 1.5) < 0.35 for height_m in heights_m), (min(heights_m), max(heights_m))
         flight.is_heard = False
         await flight.until(State.IDLE, timeout_s=90.0)
@@ -49,6 +51,8 @@ async def test_fault_34_a_whole_flight_from_ground_to_ground(start: Start, gps: 
         await flight.run(12.0)
         report = flight.report()
         assert report.mode == "HOLD" and not report.armed and not report.failsafe
+        away_m = math.hypot(*report.p_enu_m[:2])
+        record(34, flown_at_m=f"{lowest_m:.2f} to {highest_m:.2f}", landed_from_its_start_m=round(away_m, 2))
 
 
 async def test_fault_31_a_second_vehicle_on_the_link_is_left_alone(start: Start) -> None:
@@ -57,6 +61,7 @@ async def test_fault_31_a_second_vehicle_on_the_link_is_left_alone(start: Start)
         assert await flight.engage() == ""
         await flight.until(State.APPROACHING)
         (stranger,) = flight.report().strangers
+        record(31, set_points_to_the_other=stranger.setpoints, other_armed=stranger.armed)
         assert not stranger.armed and stranger.setpoints == 0 and stranger.mode == "HOLD"
         told = flight.flight.status()["vehicle"]
         assert (told["system_id"], told["autopilot"], told["firmware"]) == (1, "px4", "1.16.1")
@@ -68,6 +73,33 @@ async def test_fault_31_a_vehicle_that_is_no_px4_is_not_engaged(start: Start) ->
         flight.px4.link.streams._kind = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         await flight.run(1.5)
         assert "the vehicle is no PX4 but ardupilot" in flight.flight.status()["not_ready"]
+
+
+@pytest.mark.parametrize("gps", [True, False])
+async def test_fault_44_what_px4_itself_would_not_arm_is_refused_with_its_reason(start: Start, gps: bool) -> None:
+    async with _flying(start(gps)) as flight:
+        assert flight.flight.status()["vehicle"]["can_arm"] is True
+        flight.order("checks fail high_accel_bias")
+        await flight.run(1.0)
+        problem = "PX4's own arming checks fail: estimator high accel bias"
+        assert flight.flight.status()["not_ready"] == [problem] and await flight.engage() == problem
+        await flight.run(4.0)
+        assert "COMMAND_LONG 400" not in flight.px4.link.received and not flight.report().armed
+        record(44, refused=True, asked_to_arm=flight.px4.link.received.get("COMMAND_LONG 400", 0))
+        flight.order("checks pass")
+        await flight.run(1.0)
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+
+
+async def test_fault_44_a_vehicle_that_tells_nothing_of_its_checks_is_refused(start: Start) -> None:
+    async with _flying(start()) as flight:
+        flight.px4.link.streams._period_ns["SYS_STATUS"] = -1
+        silent_s = await flight.seconds_until(lambda: flight.state.can_arm is False)
+        record(44, silence_known_after_s=silent_s)
+        assert silent_s < 3.6
+        problem = "PX4's own arming checks fail: it tells nothing of them (SYS_STATUS)"
+        assert flight.flight.status()["not_ready"] == [problem]
 
 
 @pytest.mark.parametrize(
@@ -86,7 +118,9 @@ async def test_fault_32_the_lowest_battery_counts_and_an_unknown_one_refuses(
     async with _flying(start()) as flight:
         for order in orders:
             flight.order(order)
-        await flight.run(8.0)
+        after_s = await flight.seconds_until(lambda: problem in flight.flight.status()["not_ready"])
+        record(32, known_after_s=after_s)
+        await flight.run(max(0.0, 8.0 - after_s))
         assert problem in await flight.engage()
         assert not flight.report().armed
 
@@ -96,7 +130,9 @@ async def test_fault_33_heights_of_the_autopilots_own_are_looked_at_first(
     start: Start, parameter: str, value: float
 ) -> None:
     async with _flying(start(**{parameter: value})) as flight:
+        before_ns = flight.clock.now_ns()
         assert (await flight.engage()).startswith(f"parameter {parameter} is {value:g}; wanted ")
+        record(33, refused_after_s=round((flight.clock.now_ns() - before_ns) / NS_PER_S, 2))
         assert not flight.report().armed
 
 
@@ -120,7 +156,9 @@ async def test_fault_35_without_gps_it_gets_an_origin_and_is_refused_until_then(
         assert "the autopilot's estimator is not healthy" in flight.flight.status()["not_ready"]
         assert flight.report().received.get("SET_GPS_GLOBAL_ORIGIN", 0) == 0, "not before it takes our poses"
         flight.has_poses = True
-        await flight.run(5.0)
+        after_s = await flight.seconds_until(lambda: flight.report().has_global_position)
+        record(35, origin_after_first_pose_s=after_s)
+        await flight.run(max(0.0, 5.0 - after_s))
         report = flight.report()
         assert report.has_global_position and report.received["SET_GPS_GLOBAL_ORIGIN"] == 1
         assert report.vision_dropped == 0
@@ -130,7 +168,10 @@ async def test_fault_35_without_gps_it_gets_an_origin_and_is_refused_until_then(
 async def test_fault_35_a_restarted_vehicle_gets_its_origin_again(start: Start) -> None:
     async with _flying(start(gps=False)) as flight:
         flight.order("reboot 2")
-        await flight.run(10.0)
+        await flight.run(0.5)
+        after_s = 0.5 + await flight.seconds_until(lambda: flight.report().has_global_position)
+        record(35, origin_after_restart_s=round(after_s, 2))
+        await flight.run(max(0.0, 10.0 - after_s))
         assert flight.state.boots == 1 and flight.report().has_global_position
         assert await flight.engage() == ""
 
@@ -149,7 +190,9 @@ async def test_fault_36_without_gps_a_jump_of_the_poses_moves_nothing(
         flight.pose_offset_m = jump_m
         await flight.run(2.0)
         assert flight.uav.node.intake.reset_counter == 1
-        assert math.dist(flight.truths[-1][0], here) < 0.15 and flight.top_speed_m_s(since) < 0.3
+        moved_m, fastest_m_s = math.dist(flight.truths[-1][0], here), flight.top_speed_m_s(since)
+        record(36, moved_m=round(moved_m, 3), fastest_m_s=round(fastest_m_s, 3))
+        assert moved_m < 0.15 and fastest_m_s < 0.3
         assert flight.report().vision_dropped == 0
 
 
@@ -167,7 +210,9 @@ async def test_fault_37_an_estimate_that_is_set_anew_moves_our_path_along(
         flight.order("reset {} {} {}".format(*reset_m))
         await flight.run(1.5)
         assert flight.flight.state is State.HOLDING
-        assert math.dist(flight.truths[-1][0], here) < 0.25 and flight.top_speed_m_s(since) < 0.4
+        moved_m, fastest_m_s = math.dist(flight.truths[-1][0], here), flight.top_speed_m_s(since)
+        record(37, moved_m=round(moved_m, 3), fastest_m_s=round(fastest_m_s, 3))
+        assert moved_m < 0.25 and fastest_m_s < 0.4
         heights_m = [p[2] for p, _ in flight.truths[since:]]
         assert max(heights_m) - min(heights_m) < 0.25
 
@@ -179,7 +224,9 @@ async def test_fault_38_a_clock_of_ours_that_stood_still_latches(start: Start) -
         await flight.until(State.APPROACHING)
         flight.px4.link.clock._up_ns += 5 * NS_PER_S
         before = flight.report().setpoints
-        await flight.run(3.0)
+        after_s = await flight.seconds_until(lambda: flight.flight.state is State.LATCHED)
+        await flight.run(3.0 - after_s)
+        record(38, latched_after_s=after_s, set_points_after=flight.report().setpoints - before)
         assert flight.flight.state is State.LATCHED and flight.flight.status()["reason"] == "stalled"
         assert flight.report().setpoints - before <= 3
         assert flight.report().mode == "HOLD", "by its own failsafe"
@@ -194,7 +241,9 @@ async def test_fault_39_without_gps_silent_poses_land_it_while_it_still_knows_wh
         await flight.until(State.APPROACHING)
         await flight.run(2.0)
         flight.has_poses = False
-        await flight.until(State.LANDING, timeout_s=4.0)
+        after_s = await flight.seconds_until(lambda: flight.flight.state is State.LANDING)
+        record(39, landing_after_s=after_s)
+        assert after_s < 4.0
         assert flight.px4.commander.estimator.has_local_position
         await flight.until(State.IDLE, timeout_s=60.0)
         await flight.run(16.0)
@@ -206,6 +255,8 @@ async def test_fault_39_without_gps_silent_poses_land_it_while_it_still_knows_wh
 async def test_fault_40_on_the_ground_in_offboard_it_says_what_to_do(start: Start) -> None:
     async with _flying(start()) as flight:
         flight.order("pilot offboard")
+        after_s = await flight.seconds_until(lambda: bool(flight.flight.status()["not_ready"]))
+        record(40, known_after_s=after_s)
         await flight.run(1.0)
         assert "the vehicle stands in mode offboard, in which it does not arm: choose Hold at the ground station" in (
             await flight.engage()
@@ -220,3 +271,27 @@ async def test_fault_40_outside_its_own_fence_it_is_not_engaged(start: Start) ->
         flight.order("reset 0 0 -487")
         await flight.run(1.0)
         assert "the vehicle is outside gate.fence_*: East " in await flight.engage()
+
+
+@pytest.mark.parametrize("gps", [True, False])
+async def test_fault_48_a_vehicle_is_healthy_at_rest_and_in_the_air(start: Start, gps: bool) -> None:
+    """PX4 sets CONST_POS_MODE while it stands, and in the air when nothing measures where it is."""
+    async with _flying(start(gps)) as flight:
+        at_rest = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
+        assert at_rest & 128 and flight.state.estimator_healthy and await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        in_air = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
+        assert not in_air & 128 and flight.state.estimator_healthy
+        record(48, flags_at_rest=at_rest, flags_in_the_air=in_air, healthy_in_both=True)
+
+
+async def test_fault_49_poses_carry_the_vehicles_own_time_whatever_its_clock_does(start: Start) -> None:
+    """Its clock began at nothing, and goes 1.5 % slower than ours: PX4 takes no stamp of another for its own."""
+    flight = start(gps=False, clock_rate=0.985)
+    async with _flying(flight):
+        await flight.run(60.0)  # PX4 believes the stamps after 50 s
+        report = flight.report()
+        assert flight.px4.link.companion_clock.has_converged and report.vision_dropped == 0
+        assert report.vision_age_s is not None and abs(report.vision_age_s) < 0.05
+        record(49, poses=report.vision, dropped=report.vision_dropped, age_ms=round(1000 * report.vision_age_s, 1))
+        assert await flight.engage() == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,9 +41,10 @@ class VirtualFlight:
     """Moved on by `run`; `pose_offset_m` is how far the tracker's frame is from where it began."""
 
     def __init__(
-        self, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch, gps: bool = True, **parameters: int | float
-    ) -> None:
-        """`parameters` of the vehicle, over those that the preflight accepts."""
+        self, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch, gps: bool = True,
+        clock_rate: float = 1.0, **parameters: int | float,
+    ) -> None:  # fmt: skip
+        """`parameters` of the vehicle, over those that the preflight accepts; `clock_rate` is its clock's to ours."""
         monkeypatch.setattr(mavsdk_edge, "_POLL_S", 0.0)  # real time must not pass between two looks
         stage = set_stage(directory, out, seed=1, use_netlink=False, gps=gps)
         uav = replace(stage.uav, mission=replace(stage.uav.mission, hold_limit_s=4.0))
@@ -51,7 +53,10 @@ class VirtualFlight:
         self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, clock)
         self.worker = _Worker()
         self.vehicle = VirtualVehicle(
-            clock=self.clock, parameters=_GOOD | ({} if gps else GPS_DENIED) | parameters, drift_m=0.5
+            clock=self.clock,
+            parameters=_GOOD | ({} if gps else GPS_DENIED) | parameters,
+            drift_m=0.5,
+            clock_rate=clock_rate,
         )
         self.uav = Uav(
             config=uav, clock=clock, recorder=self.recorder, inputs=LiveInputs(uav),
@@ -99,6 +104,14 @@ class VirtualFlight:
         end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
         while self.clock.now_ns() < end_ns:
             await self.tick()
+
+    async def seconds_until(self, holds: Callable[[], bool], timeout_s: float = 10.0) -> float:
+        """How long it took."""
+        begin_ns = self.clock.now_ns()
+        while not holds():
+            assert self.clock.now_ns() < begin_ns + timeout_s * NS_PER_S, self.report()
+            await self.tick()
+        return round((self.clock.now_ns() - begin_ns) / NS_PER_S, 2)
 
     async def until(self, *states: State, timeout_s: float = 60.0) -> None:
         end_ns = self.clock.now_ns() + round(timeout_s * NS_PER_S)

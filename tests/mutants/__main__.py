@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from tests.mutants.same_program import is_same, skip_same
+from tests.mutants.same_program import is_same, skip_most, skip_same
 
 _ROOT: Final = Path(__file__).resolve().parents[2]
 _HERE: Final = Path(__file__).resolve().parent
@@ -35,6 +35,7 @@ _START_S: Final = 300.0
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("names", nargs="*", help="of tests/mutants/*.toml; all when none is given")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="a sample: each N-th mutant alone")
     parser.add_argument("--survivors", action="store_true", help="try those again that survived the last time")
     options = parser.parse_args()
     names = options.names or sorted(path.stem for path in _HERE.glob("*.toml"))
@@ -44,7 +45,7 @@ def main() -> int:
         _copy()
         try:
             with _kept_counts() as counts:
-                counts[name] = _session(name, options.survivors)
+                counts[name] = _session(name, options.survivors, options.every)
         except (subprocess.CalledProcessError, RuntimeError) as error:
             print(f"{name}: {error}", file=sys.stderr)
             failed = True
@@ -59,8 +60,9 @@ def _copy() -> None:
     shutil.copy(_ROOT / "pyproject.toml", _COPY)
 
 
-def _session(name: str, again: bool) -> dict[str, Any]:
-    """Counts of one module's mutants, after each was tried; with `again` those that survived the last session."""
+def _session(name: str, again: bool, every: int) -> dict[str, Any]:
+    """Counts of one module's mutants, after each was tried, or one of `every`; with `again` those that survived the
+    last session."""
     settings = tomllib.loads((_HERE / f"{name}.toml").read_text())
     module = settings["cosmic-ray"]["module-path"]
     arguments = shlex.split(settings["cosmic-ray"]["test-command"])[3:]  # after python -m pytest
@@ -81,6 +83,7 @@ def _session(name: str, again: bool) -> dict[str, Any]:
             _cosmic("cosmic-ray", "init", derived, session)
             _cosmic("cr-filter-operators", session, derived)
             skip_same(session, _COPY / module)
+            skip_most(session, every)
         _cosmic("cosmic-ray", "exec", derived, session)
     return _told(name, module, session, time.monotonic() - began_s)
 

@@ -31,6 +31,20 @@ def skip_same(session: Path, source: Path) -> None:
     database.close()
 
 
+def skip_most(session: Path, every: int) -> None:
+    """A sample: all but each `every`-th of those that are left, in the order of their places."""
+    with sqlite3.connect(session) as database:
+        jobs = database.execute(
+            "SELECT job_id FROM mutation_specs WHERE job_id NOT IN (SELECT job_id FROM work_results) "
+            "ORDER BY start_pos_row, start_pos_col, operator_name, occurrence"
+        ).fetchall()
+        database.executemany(
+            "INSERT INTO work_results (worker_outcome, job_id) VALUES ('SKIPPED', ?)",
+            [job for number, job in enumerate(jobs) if number % every],
+        )
+    database.close()
+
+
 def idle(source: str) -> Iterator[tuple[Place, Place]]:
     """Where each of them begins and ends."""
     tree = ast.parse(source)

@@ -26,8 +26,9 @@ def test_it_names_the_vehicle_and_its_parameters(tmp_path: Path) -> None:
     with _mock(port, *_RIGHT):
         code, out, err = _doctor(tmp_path, port)
     assert (code, err) == (0, "")
-    vehicle, parameters = (line.split(maxsplit=2) for line in out.splitlines())
+    vehicle, arming, parameters = (line.split(maxsplit=2) for line in out.splitlines())
     assert vehicle == ["OK", "vehicle", "system 1, px4 1.16.1"]
+    assert arming == ["OK", "arming", "checks           PX4's own pass"]
     assert parameters == ["OK", "parameters", "all 9 are as engage wants them"]
 
 

@@ -6,7 +6,8 @@ answers with a `Px4Report`:
 
     report | pilot MODE | sticks EAST NORTH UP | mute nothing/heartbeats/everything | offboard accept/refuse/silent
     battery [ID] FRACTION/unknown/silent | parameter NAME VALUE | parameters heard/silent | rc MICROSECONDS...
-    estimator healthy/unhealthy | reset EAST NORTH UP | say TEXT | forget gaps
+    checks pass | checks fail NAME... (of arming.CHECKS) | estimator healthy/unhealthy | reset EAST NORTH UP
+    say TEXT | forget gaps
     reboot [SILENT_S] | vanish | stranger SYSTEM_ID (another vehicle on the same link)
 """
 
@@ -28,6 +29,7 @@ from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim import truth
 from companion.sim.px4 import report
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
+from companion.sim.px4.arming import CHECKS
 from companion.sim.px4.clocks import PowerUpClock
 from companion.sim.px4.commander import Commander, Mode
 from companion.sim.px4.link import Px4Link
@@ -164,6 +166,10 @@ class Px4:
                 self.link.streams.rc_us = [int(channel) for channel in channels]
             case ["estimator", "healthy" | "unhealthy" as health]:
                 self.commander.estimator.broken = health == "unhealthy"
+            case ["checks", "pass"]:
+                self.commander.failing_checks = ()
+            case ["checks", "fail", *names] if names:
+                self.commander.failing_checks = tuple(name for name in names if CHECKS[name])
             case ["reset", east, north, up]:
                 self.commander.estimator.reset_by((float(east), float(north), float(up)))
             case ["say", *text]:

@@ -81,6 +81,8 @@ class Commander:
         self.parameters = DEFAULTS | (parameters or {})
         self._drift_m = drift_m
         self.refuse_offboard = False
+        self.failing_checks: tuple[str, ...] = ()
+        """A fault to inject: names of `arming.CHECKS`."""
         self.stream = StreamCount()
         self.offboard_s = 0.0
         self.history: list[tuple[int, Mode]] = []
@@ -115,7 +117,8 @@ class Commander:
 
     @property
     def can_arm(self) -> bool:
-        return self.intention not in (Mode.LAND, Mode.RTL) and self._can_run(self.intention)
+        runs = self.intention not in (Mode.LAND, Mode.RTL) and self._can_run(self.intention)
+        return runs and not self.failing_checks
 
     def step(self, now_ns: int) -> None:
         """Move time on to `now_ns`."""

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.sim.px4.airframe import Demand
+from companion.sim.px4.arming import ArmingReports
 from companion.sim.px4.clocks import ClockFilter, PowerUpClock
 from companion.sim.px4.commander import Commander, Mode, Result, finite_or_none
 from companion.sim.px4.estimator import Vision
@@ -56,6 +57,7 @@ class Px4Link:
         self._out: list[bytes] = []
         self._mav = mavlink.MAVLink(self, srcSystem=system_id, srcComponent=1)
         self.streams = Streams(commander, self.clock, self._mav, kind, now_ns)
+        self._arming = ArmingReports(commander, self.clock, self._mav)
 
     def write(self, frame: bytes) -> None:
         """Called by pymavlink with each packed frame."""
@@ -89,6 +91,7 @@ class Px4Link:
         self.commander.said.clear()
         self.streams.has_heartbeats = self.mute != "heartbeats"
         self.streams.send_due(now_ns)
+        self._arming.send_due(now_ns)
         return self._take()
 
     def say(self, text: str) -> None:
@@ -102,6 +105,7 @@ class Px4Link:
         self.companion_clock = ClockFilter()
         self.commander.boot(now_ns)
         self.streams.boot(self._off_until_ns)
+        self._arming.boot()
 
     def vanish(self) -> None:
         """Never heard again."""
@@ -198,6 +202,9 @@ class Px4Link:
             return self._set_interval(int(message.param1), message.param2)
         if command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             return self._request_message(int(message.param1))
+        if command == mavlink.MAV_CMD_RUN_PREARM_CHECKS:
+            self._arming.send(self._now_ns)
+            return Result.ACCEPTED
         if command == mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
             return self._request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         return Result.UNSUPPORTED

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Vector3
+from companion.sim.px4.arming import prearm_health
 from companion.sim.px4.clocks import PowerUpClock
 from companion.sim.px4.commander import Commander, Mode
 
@@ -159,7 +160,8 @@ class Streams:
     def _sys_status(self) -> Any:
         sensors = 0x0020_FC2F  # gyro, accelerometer, compass, barometer, GPS, controllers, motors, AHRS
         voltage_mv, percent = _charge(next(iter(self.batteries.values()), None))
-        return self._mav.sys_status_encode(sensors, sensors, sensors, 300, voltage_mv, 1200, percent, 0, 0, 0, 0, 0, 0)
+        health = sensors | prearm_health(self._commander)
+        return self._mav.sys_status_encode(sensors, sensors, health, 300, voltage_mv, 1200, percent, 0, 0, 0, 0, 0, 0)
 
     def _battery_status(self) -> Any:
         return self._battery_message(*next(iter(self.batteries.items())))

@@ -11,6 +11,7 @@ from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Demand, Gusts
+from companion.sim.px4.arming import prearm_health
 from companion.sim.px4.commander import Commander, Mode, Result
 from companion.sim.px4.parameters import field_and_kind, written
 from tests.faults.missions.scenario import SWITCH_CHANNEL, Scenario
@@ -18,8 +19,8 @@ from tests.faults.missions.timeless import MissionClock
 
 _PERIOD_NS: Final = {
     "HEARTBEAT": NS_PER_S, "EXTENDED_SYS_STATE": NS_PER_S // 5, "BATTERY_STATUS": NS_PER_S,
-    "ESTIMATOR_STATUS": NS_PER_S // 2, "TIMESYNC": NS_PER_S // 2, "RC_CHANNELS": NS_PER_S // 5,
-    "CURRENT_MODE": 0, "LOCAL_POSITION_NED": 0, "ATTITUDE": NS_PER_S // 2,
+    "ESTIMATOR_STATUS": NS_PER_S // 2, "SYS_STATUS": NS_PER_S // 2, "TIMESYNC": NS_PER_S // 2,
+    "RC_CHANNELS": NS_PER_S // 5, "CURRENT_MODE": 0, "LOCAL_POSITION_NED": 0, "ATTITUDE": NS_PER_S // 2,
 }  # fmt: skip
 """0: each step, or when it changes. TIMESYNC, ATTITUDE and positions come slower than the edge asks for."""
 _POSITION_TEXT: Final = (
@@ -147,6 +148,9 @@ class Vehicle:
                 return {"landed_state": 1 if commander.landed else 2}
             case "ESTIMATOR_STATUS":
                 return {"flags": commander.estimator.flags(commander.is_at_rest)}
+            case "SYS_STATUS":
+                masks = {"present": 0, "enabled": 0, "health": prearm_health(commander)}
+                return {f"onboard_control_sensors_{part}": mask for part, mask in masks.items()}
             case "TIMESYNC":
                 return {"tc1": 0, "ts1": self.now_ns - self._boot_ns}
         channels = [1500] * 8

@@ -71,3 +71,18 @@ async def test_what_both_ends_tell_each_other(px4: Px4Process, port: int) -> Non
     finally:
         running.cancel()
         await edge.aclose()
+
+
+async def test_its_arming_checks_and_their_reasons_come_through_the_library(
+    autopilot: MavsdkAutopilot, px4: Px4Process
+) -> None:
+    async def told(can_arm: bool, reasons: tuple[str, ...]) -> None:
+        async with asyncio.timeout(20):
+            while (autopilot.state().can_arm, autopilot.state().arming_reasons) != (can_arm, reasons):  # noqa: ASYNC110
+                await asyncio.sleep(0.02)
+
+    await told(True, ())
+    px4.order("checks fail high_accel_bias")
+    await told(False, ("estimator high accel bias",))
+    px4.order("checks pass")
+    await told(True, ())

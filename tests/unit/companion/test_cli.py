@@ -6,6 +6,7 @@ import json
 import os
 import random
 import shutil
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -24,6 +25,7 @@ from tests.paths import CONFIGS
 _BYTES: Final = GOLDEN[0].read_bytes()
 _METADATA: Final = dict(open_session(GOLDEN[0]).metadata)
 _MOST_LINES: Final = 60
+_HANGS_S: Final = 300
 _ABSENT: Final = "absent.sock"
 
 
@@ -55,6 +57,16 @@ def _outlying(path: Path) -> None:
         writer.finish()
 
 
+def _pipes(folder: Path) -> None:
+    """A recording whose every file is a pipe that nobody writes to."""
+    folder.mkdir()
+    for name in (
+        "csi_rx_2021-07-16_151041.dat", "csi_tx1_2021-07-16_151041.dat", "rx_trajectory_2021-07-16_151041_.csv",
+        "groundtruth_positions.json", "csi.dat", "log.mcap",
+    ):  # fmt: skip
+        os.mkfifo(folder / name)
+
+
 _MAKERS: Final[dict[str, Callable[[Path], object]]] = {
     "empty": lambda path: path.write_bytes(b""),
     "zeros": lambda path: path.write_bytes(bytes(5000)),
@@ -67,6 +79,13 @@ _MAKERS: Final[dict[str, Callable[[Path], object]]] = {
     "twice.yaml": lambda path: path.write_text((CONFIGS / "demo-uav.yaml").read_text() + "\nid: 3\n"),
     "numbers.csv": lambda path: path.write_text("1e400,nan\n,,\n"),
     "folder": lambda path: path.mkdir(),
+    "pipe": os.mkfifo,
+    "pipe.mcap": os.mkfifo,
+    "pipe.csv": os.mkfifo,
+    "pipe.yaml": os.mkfifo,
+    "pipes": _pipes,
+    "endless": lambda path: path.symlink_to("/dev/zero"),
+    "terminal": lambda path: path.symlink_to("/dev/ptmx"),
     "loop": lambda path: path.symlink_to(path.name),
     "a[/raw]b].mcap": lambda path: path.write_bytes(_BYTES[:3000]),
     ":boom: [copy].mcap": lambda path: path.write_bytes(_BYTES[:200_000]),
@@ -145,6 +164,17 @@ _OUTPUTS: Final = [
     ["report", "{log}", "-o", "{file}/x"],
     ["report", "{log}", "-o", "{long}"],
     ["report", "{log}", "-o", "{out}"],
+    ["demo", "--json", "{pipe}", "--out", "{out}/demo"],
+    ["demo", "--out", "{pipe}"],
+    ["study", "crb", "--json", "{pipe}", "--trials", "1", "--out", "{out}/demo"],
+    ["doctor", "radio", "--config", "{config}", "--json", "{pipe}"],
+    ["keygen", "{pipe}"],
+    ["log", "info", "{log}", "--json", "{pipe}"],
+    ["log", "repair", "{log}", "--out", "{pipe}"],
+    ["log", "export", "{log}", "--out", "{pipe}"],
+    ["log", "merge", "{log}", "{log}", "--out", "{pipe}"],
+    ["replay", "{log}", "--json", "{pipe}"],
+    ["report", "{log}", "-o", "{pipe}"],
 ]
 
 
@@ -153,10 +183,12 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tm
     """Runs a command in this process, in an empty folder; its exit code and what it said of an error."""
 
     def run(*arguments: str) -> tuple[int, str]:
+        signal.alarm(_HANGS_S)  # ends the whole run: whoever waits for a pipe waits in the kernel
         monkeypatch.setattr(sys, "argv", ["companion", *arguments])
         monkeypatch.chdir(tmp_path)
         with pytest.raises(SystemExit) as ended:
             main()
+        signal.alarm(0)
         assert isinstance(ended.value.code, int)
         return ended.value.code, capsys.readouterr().err
 
@@ -209,8 +241,9 @@ def test_what_cannot_be_written_is_told_in_one_line(
 ) -> None:
     (tmp_path / "file").write_text("a file")
     shutil.copy(GOLDEN[0], tmp_path / "log.mcap")
+    os.mkfifo(tmp_path / "pipe")
     places = {
-        "file": tmp_path / "file", "out": tmp_path, "log": tmp_path / "log.mcap",
+        "pipe": tmp_path / "pipe", "file": tmp_path / "file", "out": tmp_path, "log": tmp_path / "log.mcap",
         "long": tmp_path / ("n" * 300), "config": CONFIGS / "demo-uav.yaml",
     }  # fmt: skip
     code, err = call(*(one.format(**places) for one in arguments))
@@ -218,7 +251,7 @@ def test_what_cannot_be_written_is_told_in_one_line(
     assert "Traceback" not in err
     assert len(err.strip().splitlines()) <= (4 if "Usage:" in err else 3)
     assert (tmp_path / "file").read_text() == "a file"
-    assert {one.name for one in tmp_path.iterdir()} <= {"file", "log.mcap", "demo"}
+    assert {one.name for one in tmp_path.iterdir()} <= {"file", "log.mcap", "demo", "pipe"}
 
 
 def test_names_are_shown_as_they_are(

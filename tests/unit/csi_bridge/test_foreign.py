@@ -49,7 +49,7 @@ def test_a_foreign_file_is_named(tmp_path: Path, content: bytes, named: str) -> 
 
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
-    with pytest.raises(DatFileError, match="not a file"):
+    with pytest.raises(DatFileError, match="a device, expected a file"):
         read_dat(Path("/dev/zero"))
     with pytest.raises(DatFileError, match="directory"):
         read_dat(tmp_path)

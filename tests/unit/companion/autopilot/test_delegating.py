@@ -30,6 +30,10 @@ class _Inner:
         return answer
 
 
+def _defaults(kind: type, name: str) -> dict[str, object]:
+    return {key: one.default for key, one in inspect.signature(getattr(kind, name)).parameters.items()}
+
+
 @pytest.mark.parametrize("name", _PORT)
 async def test_every_method_of_the_port_is_handed_on_with_its_arguments(name: str) -> None:
     assert name in vars(DelegatingAutopilot), "a method of the port that nobody hands on"
@@ -38,6 +42,7 @@ async def test_every_method_of_the_port_is_handed_on_with_its_arguments(name: st
         assert outer.problem == "problem"
         return
     method = getattr(outer, name)
+    assert _defaults(DelegatingAutopilot, name) == _defaults(Autopilot, name)
     arguments = tuple(inspect.signature(method).parameters)
     answer = method(*arguments)
     answer = await answer if inspect.isawaitable(answer) else answer

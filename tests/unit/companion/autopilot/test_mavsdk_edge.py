@@ -76,12 +76,13 @@ def test_a_restarted_vehicle_is_asked_again_at_once_and_its_old_state_is_forgott
     assert restarted.heartbeat_mono_ns is not None, "it is heard all the same"
     vehicle.run(0.3)
     after = vehicle.px4.link.received
-    assert after["COMMAND_LONG 511"] == 2 * 8, "each interval once more"
+    assert after["COMMAND_LONG 511"] == 2 * 9, "each interval once more"
     periods_ns = vehicle.px4.link.streams._period_ns
     assert periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 50 and periods_ns["CURRENT_MODE"] == NS_PER_S // 20
     vehicle.run(2.0)
     assert vehicle.state().firmware == "1.16.1" and vehicle.state().mode is FlightMode.HOLD
     told = [event.text for event in vehicle.edge.take_events()]
+    told = [text for text in told if not text.startswith("event ")]  # reports of its arming checks
     assert told == ["the autopilot has restarted: its clock is at 0.0 s again"]
     offset_ns = vehicle.state().clock_offset_ns
     assert offset_ns is not None
@@ -142,6 +143,46 @@ def test_batteries_by_their_ids_and_ages() -> None:
     state = vehicle.state()
     assert state.battery_remaining is None and state.batteries_unknown == (0, 1) and state.battery_mono_ns is not None
     assert told_ns is not None and state.battery_mono_ns <= told_ns + NS_PER_S
+
+
+def test_its_own_arming_checks_and_why_they_fail() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(3.0)
+    assert vehicle.state().can_arm is True and vehicle.state().arming_reasons == ()
+    vehicle.px4.order("checks fail high_accel_bias usb_connected")
+    vehicle.run(1.0)
+    assert vehicle.state().can_arm is False
+    assert vehicle.state().arming_reasons == ("estimator high accel bias", "system usb connected")
+    assert "COMMAND_LONG 401" not in vehicle.px4.link.received, "it has said why by itself"
+    vehicle.px4.order("checks pass")
+    vehicle.run(1.0)
+    assert vehicle.state().can_arm is True and vehicle.state().arming_reasons == ()
+
+
+def test_who_listens_late_asks_why_they_fail_until_it_is_said() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.px4.order("checks fail accel_missing")
+    for _ in range(300):  # it has said so while nobody listened
+        vehicle.clock.advance(0.01)
+        vehicle.px4.step(vehicle.clock.now_ns())
+    vehicle.run(4.5)
+    assert vehicle.state().arming_reasons == ("accel missing",)
+    assert vehicle.px4.link.received["COMMAND_LONG 401"] == 1
+    vehicle.px4.order("checks pass")
+    vehicle.run(3.0)
+    assert vehicle.state().can_arm and vehicle.px4.link.received["COMMAND_LONG 401"] == 1
+
+
+def test_an_armed_vehicle_is_not_asked_about_its_checks() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(3.0)
+    vehicle.px4.commander.arm(vehicle.clock.now_ns())
+    vehicle.px4.order("checks fail accel_missing")
+    vehicle.px4.link.streams._period_ns["SYS_STATUS"] = -1
+    vehicle.run(5.0)
+    assert vehicle.state().can_arm is False and vehicle.state().armed
+    assert vehicle.state().arming_reasons == ("it tells nothing of them (SYS_STATUS)",)
+    assert "COMMAND_LONG 401" not in vehicle.px4.link.received
 
 
 def test_an_origin_gives_a_vehicle_without_gps_its_global_position() -> None:
@@ -222,7 +263,9 @@ async def test_a_command_is_repeated_each_half_second_and_given_up_after_2_9_s(v
     began_s = vehicle.clock.now_ns() / NS_PER_S
     asked = vehicle.sent.count("COMMAND_LONG")
     vehicle.px4.order("offboard refuse")
-    with pytest.raises(AutopilotError, match=r"mode offboard: not confirmed by telemetry; mode is hold, .* was \w+"):
+    with pytest.raises(
+        AutopilotError, match=r"mode offboard: not confirmed by telemetry; mode is hold, .* was temporarily rejected"
+    ):
         await vehicle.edge.request_offboard()
     assert vehicle.clock.now_ns() / NS_PER_S - began_s == pytest.approx(2.9, abs=0.05)
     assert vehicle.sent.count("COMMAND_LONG") - asked == 6
@@ -287,3 +330,42 @@ def test_an_origin_is_sent_in_tenths_of_micro_degrees_and_at_altitude_0() -> Non
         "name": "SET_GPS_GLOBAL_ORIGIN", "target_system": 1, "latitude": 472_500_000, "longitude": -85_000_000,
         "altitude": 0, "time_usec": 0,
     }  # fmt: skip
+
+
+async def test_it_lands_where_hold_is_refused(vehicle: VirtualVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Out of OFFBOARD by way of hold, which needs a position that landing does not."""
+    edge, commander = vehicle.edge, vehicle.px4.commander
+    await edge.arm()
+    await edge.takeoff(1.5)
+    up_m = (edge.state().p_local_enu_m or (0.0, 0.0, 0.0))[2]
+
+    def stream(seconds: float) -> None:
+        for _ in range(round(seconds * 20)):
+            edge.send_setpoint(Setpoint(vehicle.clock.now_ns(), (0.0, 0.0, up_m), (0.0, 0.0, 0.0), 0.0))
+            vehicle.run(0.05)
+
+    stream(1.0)
+    await edge.request_offboard()
+    can_run = commander._can_run
+    monkeypatch.setattr(commander, "_can_run", lambda mode: mode is not Mode.HOLD and can_run(mode))
+
+    async def sleep(seconds: float) -> None:
+        stream(max(seconds, 0.05))
+
+    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
+    await edge.land()
+    assert edge.state().mode is FlightMode.LAND and vehicle.px4.link.received["COMMAND_LONG 176"] >= 3
+
+
+def test_what_is_asked_for_at_the_beginning() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(0.5)
+    received, periods_ns = vehicle.px4.link.received, vehicle.px4.link.streams._period_ns
+    assert received["COMMAND_LONG 511"] == 9 and received["COMMAND_LONG 512"] == 3, (
+        "a late heartbeat, and both at the beginning"
+    )
+    wanted_hz = {
+        "LOCAL_POSITION_NED": 50, "ATTITUDE": 20, "CURRENT_MODE": 20, "EXTENDED_SYS_STATE": 5, "BATTERY_STATUS": 1,
+        "SYS_STATUS": 2, "ESTIMATOR_STATUS": 2, "RC_CHANNELS": 5, "ODOMETRY": 20,
+    }  # fmt: skip
+    assert {name: NS_PER_S / periods_ns[name] for name in wanted_hz} == wanted_hz

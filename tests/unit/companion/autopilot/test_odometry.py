@@ -66,3 +66,53 @@ def test_velocity_in_the_local_frame_is_taken_as_it_is() -> None:
 def test_other_frames_and_numbers_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="expected"):
         pose_from_odometry(odometry_fields(_pose(), 0, 1) | wrong, 0)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "position", "angle", "velocity", "quality"),
+    [(1, 0.5, 0.3, 0.5, 33), (2, 0.15, 0.1, 0.15, 67), (3, 0.05, 0.03, 0.05, 100)],
+)
+def test_each_confidence_has_its_deviations_and_its_quality(
+    confidence: int, position: float, angle: float, velocity: float, quality: int
+) -> None:
+    fields = odometry_fields(_pose(confidence=confidence), 0, 1)
+    pose, speed = (np.zeros((6, 6)), np.zeros((6, 6)))
+    pose[np.triu_indices(6)], speed[np.triu_indices(6)] = fields["pose_covariance"], fields["velocity_covariance"]
+    assert pose == pytest.approx(np.diag([position**2] * 3 + [angle**2] * 3))
+    assert speed == pytest.approx(np.diag([velocity**2] * 3 + [angle**2] * 3))
+    assert (fields["quality"], fields["estimator_type"]) == (quality, 3), "VIO"
+
+
+def test_a_confidence_that_no_tracker_has_is_not_sent() -> None:
+    with pytest.raises(ValueError, match="confidence 4"):
+        odometry_fields(_pose(confidence=4), 0, 1)
+
+
+@pytest.mark.parametrize("counter", [0, 1, 254, 255, 256, 257, 511])
+def test_a_reset_counter_is_one_byte(counter: int) -> None:
+    assert odometry_fields(_pose(), counter, 1)["reset_counter"] == counter % 256
+
+
+@pytest.mark.parametrize("yaw_deg", [-170, -91, -89, -10, 10, 89, 91, 170])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_attitude_is_written_with_a_positive_real_part(yaw_deg: int, sign: float) -> None:
+    q = sign * quaternion_from_yaw(math.radians(yaw_deg))
+    fields = odometry_fields(_pose(tuple(q.tolist())), 0, 1)
+    w, x, y, z = fields["q"]
+    assert w > 0 and (x, y) == pytest.approx((0, 0), abs=1e-12)
+    assert math.remainder(2 * math.atan2(z, w) - math.radians(90 - yaw_deg), math.tau) == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("frame", [1, 20])
+@pytest.mark.parametrize(("child", "north_m_s"), [(12, 0.0), (8, 0.0), (1, 0.5)])
+def test_frames_that_px4_itself_sends_are_read(frame: int, child: int, north_m_s: float) -> None:
+    fields = odometry_fields(_pose(v=(0.5, 0.0, 0.0)), 0, 1) | {"frame_id": frame, "child_frame_id": child}
+    pose = pose_from_odometry(fields, 0)
+    assert pose.v_enu_m_s[1] == pytest.approx(north_m_s) and pose.confidence == 3
+
+
+@pytest.mark.parametrize("wrong", [0, 2, 7, 9, 11, 13, 19, 21, 300])
+def test_every_other_frame_is_refused(wrong: int) -> None:
+    for key in ("frame_id", "child_frame_id"):
+        with pytest.raises(ValueError, match="expected"):
+            pose_from_odometry(odometry_fields(_pose(), 0, 1) | {key: wrong}, 0)

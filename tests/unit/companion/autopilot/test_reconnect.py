@@ -8,7 +8,8 @@ from companion.autopilot.reconnect import Backoff
 def test_a_failed_connection_waits_longer_each_time_up_to_a_cap() -> None:
     backoff = Backoff()
     levels, waits = [], []
-    for _ in range(7):
+    for failures in range(7):
+        assert backoff.failures == failures
         levels.append(backoff.level)
         waits.append(backoff.next_s())
     assert waits == [0.5, 1, 2, 4, 8, 8, 8]

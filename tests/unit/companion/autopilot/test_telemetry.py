@@ -219,6 +219,30 @@ def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: _Bench) -
     assert bench.telemetry.take_events() == []
 
 
+def test_arming_checks_are_of_one_boot_and_need_no_arguments_of_an_event(bench: _Bench) -> None:
+    masks = {"onboard_control_sensors_present": 0, "onboard_control_sensors_enabled": 0}
+    assert bench.telemetry.state().can_arm is False, "nothing is known"
+    bench.take("SYS_STATUS", masks | {"onboard_control_sensors_health": 1 << 28})
+    assert bench.telemetry.state().can_arm is True and bench.telemetry.state().arming_reasons == ()
+    bench.take("SYS_STATUS", masks | {"onboard_control_sensors_health": 0})
+    bench.take("STATUSTEXT", {"severity": 2, "text": "Preflight Fail: Compass missing\0"})
+    assert bench.telemetry.state().can_arm is False
+    assert bench.telemetry.state().arming_reasons == ("Compass missing",)
+    bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 1 << 24 | 13 << 16})
+    assert bench.telemetry.state().can_arm is False, "it has told before"
+    for number, modes in ((27825120, []), (20390844, [16, 0, 0, 0, 7]), (25005055, [0, 64, 0, 0, 7]), (18691879, [])):
+        bench.take("EVENT", {"id": number, "log_levels": 0x33, "arguments": modes})
+    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24})
+    assert bench.telemetry.state().arming_reasons == ("estimator high accel bias",), "of the mode it is in"
+    bench.take("EVENT", {"id": 1, "log_levels": 0x33, "arguments": [256]})
+    bench.take("EVENT", {"id": 1, "log_levels": 0x33, "arguments": "abc"})
+    assert bench.telemetry.malformed == 2
+    bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": 90_000})
+    bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": 100})
+    assert bench.telemetry.state().boots == 1
+    assert bench.telemetry.state().arming_reasons == ("it tells nothing of them (SYS_STATUS)",)
+
+
 def test_rc_channels_are_as_many_as_it_says_and_no_more_than_there_are(bench: _Bench) -> None:
     channels = {f"chan{number}_raw": 1000 + number for number in range(1, 19)}
     for count, told in ((0, 0), (1, 1), (16, 16), (18, 18), (40, 18)):
@@ -319,7 +343,7 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -
 
 def test_what_is_subscribed_to_is_what_is_understood(bench: _Bench) -> None:
     names = bench.telemetry.message_names
-    assert "HEARTBEAT" in names and len(set(names)) == len(names) == 15
+    assert "HEARTBEAT" in names and len(set(names)) == len(names) == 16
 
 
 def test_px4_modes_as_they_are_asked_for_and_told() -> None:
@@ -333,3 +357,23 @@ def test_px4_modes_as_they_are_asked_for_and_told() -> None:
     ]
     assert told == [FlightMode.MANUAL, FlightMode.OTHER, FlightMode.TAKEOFF, FlightMode.OTHER]
     assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER
+
+
+def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_either(bench: _Bench) -> None:
+    masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
+    bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 1 << 24 | 13 << 16})
+    bench.take("SYS_STATUS", masks)
+    assert bench.telemetry.state().can_arm is None and bench.telemetry.state().arming_reasons == ()
+
+
+def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Bench) -> None:
+    masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
+    bench.take("SYS_STATUS", masks)
+    for number, arguments in ((27825120, []), (20390844, [0, 0, 0, 128, 7]), (25005055, [0, 0, 0, 0, 255])):
+        bench.take("EVENT", {"id": number, "log_levels": 0x33, "arguments": arguments})
+    assert bench.telemetry.state().arming_reasons == ("estimator high accel bias",)
+
+
+def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _Bench) -> None:
+    bench.take("ESTIMATOR_STATUS", {"flags": 1023})
+    assert bench.telemetry.state().estimator_healthy

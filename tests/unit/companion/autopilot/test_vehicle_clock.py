@@ -55,3 +55,45 @@ def test_a_leap_ahead_is_our_own_standstill_and_a_queue_that_empties_is_none() -
     assert clock.told(own_ns, now_ns + 20 * _MS) is Turn.LEAPT
     assert clock.stood_still_ns == pytest.approx(5 * NS_PER_S, abs=NS_PER_S // 5)
     assert clock.at(now_ns + 20 * _MS) == own_ns
+
+
+def test_nothing_has_stood_still_at_the_beginning() -> None:
+    assert VehicleClock().stood_still_ns == 0
+
+
+@pytest.mark.parametrize(("back_ns", "turn"), [(NS_PER_S, None), (NS_PER_S + 1, Turn.RESTARTED)])
+def test_a_step_back_of_more_than_a_second_is_a_restart(back_ns: int, turn: Turn | None) -> None:
+    clock = VehicleClock()
+    assert clock.told(_OWN_NS, _NOW_NS) is None
+    assert clock.told(_OWN_NS - back_ns, _NOW_NS + 1) is turn, "as early as at the second message"
+
+
+@pytest.mark.parametrize(("leap_ns", "turn"), [(300 * _MS, None), (300 * _MS + 1, Turn.LEAPT)])
+@pytest.mark.parametrize("first_ns", [_NOW_NS, 900 * _MS, NS_PER_S])
+def test_more_than_a_third_of_a_second_is_a_leap(first_ns: int, leap_ns: int, turn: Turn | None) -> None:
+    clock = VehicleClock()
+    clock.told(_OWN_NS, first_ns)
+    later_ns = first_ns + 3 * NS_PER_S // 2
+    assert clock.told(_OWN_NS + 3 * NS_PER_S // 2 + leap_ns, later_ns) is turn
+    assert clock.stood_still_ns == (0 if turn is None else leap_ns)
+
+
+@pytest.mark.parametrize("first_ns", [0, 900 * _MS, NS_PER_S, _NOW_NS])
+@pytest.mark.parametrize(
+    ("after_ns", "turn"), [(200 * _MS, None), (NS_PER_S, None), (NS_PER_S + 1, Turn.LEAPT), (2 * NS_PER_S, Turn.LEAPT)]
+)
+def test_within_a_second_of_the_first_message_there_is_no_leap(first_ns: int, after_ns: int, turn: Turn | None) -> None:
+    clock = VehicleClock()
+    clock.told(_OWN_NS, first_ns)
+    assert clock.told(_OWN_NS + after_ns + 400 * _MS, first_ns + after_ns) is turn
+
+
+@pytest.mark.parametrize("first_ns", [100 * _MS, _NOW_NS])
+def test_a_later_message_counts_unless_it_was_delayed_by_more_than_the_clocks_may_drift(first_ns: int) -> None:
+    """After a second by 20 ms, whatever our own clock shows."""
+    for delay_ns, counts in ((20 * _MS, True), (20 * _MS + 1, False), (19 * _MS, True)):
+        clock = VehicleClock()
+        for _ in range(10):
+            clock.told(_OWN_NS, first_ns)
+        clock.told(_OWN_NS + NS_PER_S - delay_ns, first_ns + NS_PER_S)
+        assert clock.offset_ns == _OWN_NS - first_ns - (delay_ns if counts else 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -94,9 +95,21 @@ class VirtualVehicle:
         for datagram in datagrams:
             for message in self._parser.parse_buffer(datagram) or []:
                 name = message.get_type()
+                if name == "UNKNOWN_410" and message.data[5] == self.system_id:
+                    self.edge._telemetry.take("EVENT", message.data[6], json.dumps(_event(bytes(message.data))))
                 if message.get_srcSystem() == self.system_id and name in self.edge._telemetry.message_names:
                     fields = {key: _plain(value) for key, value in message.to_dict().items()}
                     self.edge._telemetry.take(name, message.get_srcComponent(), json.dumps(fields))
+
+
+def _event(frame: bytes) -> dict[str, Any]:
+    """What the library knows and pymavlink does not: MAVLink 2 with the zeros at its end cut off."""
+    payload = frame[10:-2].ljust(53, b"\0")
+    number, boot_ms, sequence = struct.unpack_from("<IIH", payload)
+    return {
+        "id": number, "event_time_boot_ms": boot_ms, "sequence": sequence,
+        "log_levels": payload[12], "arguments": list(payload[13:]),
+    }  # fmt: skip
 
 
 def _filled(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -36,6 +37,7 @@ _RIGHT = {
     "EKF2_EV_CTRL": 11.0,
     "EKF2_GPS_CTRL": 0.0,
     "EKF2_HGT_REF": 3.0,
+    "EKF2_EV_DELAY": 20.0,
 }
 
 
@@ -91,9 +93,9 @@ class _Others:
 class _Ground:
     """A service before it engages."""
 
-    def __init__(self, config: Config = _CONFIG, look: Any = None) -> None:
+    def __init__(self, config: Config = _CONFIG, look: Any = None, forward_vio_hz: float = 30.0) -> None:
         assert config.autopilot is not None
-        config = replace(config, autopilot=replace(config.autopilot, gps=False, forward_vio_hz=30.0))
+        config = replace(config, autopilot=replace(config.autopilot, gps=False, forward_vio_hz=forward_vio_hz))
         self.clock, self.kept, self.autopilot, self.others = ManualClock(_NOW_NS), Kept(), _Autopilot(), _Others()
         self.events = EventClock(self.clock)
         others: Any = self.others
@@ -132,7 +134,9 @@ def test_nothing_stands_against_a_service_that_is_ready() -> None:
     [
         ({"heartbeat_mono_ns": _NOW_NS - 3 * NS_PER_S}, "no heartbeat of the autopilot"),
         ({"position_mono_ns": _NOW_NS - NS_PER_S}, "the autopilot has no local position"),
+        ({"position_mono_ns": _NOW_NS - 2 * NS_PER_S}, "the autopilot has no local position"),
         ({"p_local_enu_m": None}, "the autopilot has no local position"),
+        ({"can_arm": False, "arming_reasons": ("accel missing",)}, "PX4's own arming checks fail: accel missing"),
         ({"p_local_enu_m": (30.0, -1.25, 0.0)}, "East 30.0, North -1.2, Up 0.0 m"),
         ({"p_local_enu_m": (0.0, 0.0, 40.0)}, "East 0.0, North 0.0, Up 40.0 m"),
         ({"estimator_mono_ns": _NOW_NS - 4 * NS_PER_S}, "the autopilot's estimator tells nothing of itself"),
@@ -159,7 +163,9 @@ async def test_parameters_are_read_all_at_once_and_stand_for_half_a_minute() -> 
     assert await ground.engagement.parameter_problems() == []
     ground.engagement.check_again(ground.course)
     assert ground.course.worst([]) is Event.PREFLIGHT_PASSED
-    ground.clock.advance(30)
+    ground.clock.advance(29.5)
+    assert ground.engagement._look_around().parameters_checked
+    ground.clock.advance(0.5)
     assert not ground.engagement._look_around().parameters_checked
 
 
@@ -182,6 +188,7 @@ def test_one_look_serves_all_of_one_event_and_is_recorded_with_it() -> None:
             ground.engagement.not_ready()
             ground.engagement.check_again(ground.course)
     assert ground.looks == 2 and ground.kept.topics == [SURROUNDINGS.topic] * 2
+    assert all(isinstance(message, Surroundings) for _, _, message in ground.kept.messages)
     ground.engagement.not_ready()
     assert ground.looks == 3 and len(ground.kept.messages) == 2, "outside an event nothing is recorded"
 
@@ -189,3 +196,29 @@ def test_one_look_serves_all_of_one_event_and_is_recorded_with_it() -> None:
 def test_nothing_is_free_where_the_logs_folder_has_gone() -> None:
     gone = replace(_CONFIG, runtime_dir="/nowhere", recorder=replace(_CONFIG.recorder, path="/nowhere/log.mcap"))
     assert _Ground(gone).engagement._look_around().free_mib == 0.0
+
+
+def test_free_space_is_told_in_mib(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=7 << 19))
+    assert _Ground().engagement._look_around().free_mib == 3.5
+
+
+def test_it_names_the_vehicle_it_would_engage() -> None:
+    assert _Ground().engagement.vehicle == "system 1, px4"
+
+
+@pytest.mark.parametrize(("rate_hz", "said"), [(0.0, False), (0.5, True), (30.0, True)])
+def test_the_vehicles_time_is_needed_by_who_sends_it_poses(rate_hz: float, said: bool) -> None:
+    ground = _Ground(forward_vio_hz=rate_hz)
+    assert any("own time is not known" in line for line in ground.changed(clock_offset_ns=None)) is said
+
+
+async def test_the_ceiling_is_that_of_the_fence() -> None:
+    ground = _Ground(replace(_CONFIG, gate=replace(_CONFIG.gate, fence_max_m=(90.0, 80.0, 5.0))))
+    ground.autopilot.parameters["RTL_RETURN_ALT"] = 6.0
+    (line,) = await ground.engagement.parameter_problems()
+    assert line.startswith("parameter RTL_RETURN_ALT is 6")
+
+
+def test_an_armed_vehicle_has_passed_its_arming_checks() -> None:
+    assert _Ground().changed(can_arm=False, armed=True) == []

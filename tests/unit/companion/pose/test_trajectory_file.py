@@ -236,7 +236,7 @@ def test_what_is_no_trajectory_is_named(tmp_path: Path, content: bytes, named: s
     path.write_bytes(content)
     with pytest.raises(TrajectoryError, match=named):
         read_trajectory_file(path)
-    with pytest.raises(TrajectoryError, match="not a file"):
+    with pytest.raises(TrajectoryError, match="Is a directory"):
         read_trajectory_file(tmp_path)
     with pytest.raises(TrajectoryError, match="File name too long"):
         read_trajectory_file(tmp_path / ("n" * 300))

@@ -48,6 +48,8 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
     assert readiness_problems(_READY, _LIMITS) == []
     told_less = replace(_READY, position_is_global=None, intended_mode=None)
     assert readiness_problems(told_less, _LIMITS) == [], "as an older log has it"
+    assert readiness_problems(replace(_READY, can_arm=True), _LIMITS) == []
+    assert readiness_problems(replace(_READY, can_arm=False, armed=True), _LIMITS) == [], "it is armed already"
 
 
 @pytest.mark.parametrize(
@@ -88,6 +90,11 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
             {"outside_fence": "East 0.0, North 0.0, Up -487.0 m"},
             "the vehicle is outside gate.fence_*: East 0.0, North 0.0, Up -487.0 m",
         ),
+        ({"can_arm": False}, "PX4's own arming checks fail: it has not said why"),
+        (
+            {"can_arm": False, "arming_reasons": ("estimator high accel bias", "accel missing")},
+            "PX4's own arming checks fail: estimator high accel bias; accel missing",
+        ),
         ({"not_px4": "ardupilot"}, "the vehicle is no PX4 but ardupilot"),
         ({"time_known": False}, "clocks: the vehicle's own time is not known yet, in which poses are stamped"),
         ({"battery": None}, "no battery tells how full it is (BATTERY_STATUS)"),
@@ -113,6 +120,11 @@ def test_each_thing_that_is_missing_is_one_line(change: dict[str, object], probl
     assert readiness_problems(replace(_READY, **change), _LIMITS) == [problem]  # type: ignore[arg-type]
 
 
+def test_what_arming_checks_say_is_not_asked_of_a_vehicle_that_is_not_heard() -> None:
+    unheard = replace(_READY, can_arm=False, heartbeat_age_s=9.0)
+    assert readiness_problems(unheard, _LIMITS) == ["no heartbeat of the autopilot"]
+
+
 def test_all_that_is_missing_is_told_at_once() -> None:
     bad = replace(_READY, observes=True, has_position=False, battery=0.1, aoa_ready=False, free_mib=1.0)
     assert len(readiness_problems(bad, _LIMITS)) == 5
@@ -133,7 +145,7 @@ def test_the_parameter_files_pass_the_preflight(name: str, gps: bool) -> None:
 _PX4_DEFAULTS: dict[str, float | str] = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
     "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1, "RTL_RETURN_ALT": 30.0, "GF_MAX_VER_DIST": 0.0,
-    "NAV_MC_ALT_RAD": 0.8,
+    "NAV_MC_ALT_RAD": 0.8, "EKF2_EV_DELAY": 0.0,
 }  # fmt: skip
 
 
@@ -160,6 +172,21 @@ def test_px4s_own_defaults_do_not_pass_and_each_line_says_value_wanted_and_why()
 )
 def test_which_values_pass(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
     (requirement,) = (r for r in required_parameters(gps=True) if r.name == name)
+    assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("SYS_HAS_GPS", (0,), (1, 2)),
+        ("EKF2_EV_CTRL", (11, 15), (0, 3, 9, 10, 14)),
+        ("EKF2_GPS_CTRL", (0,), (1, 7)),
+        ("EKF2_HGT_REF", (3,), (0, 1, 2, 4)),
+        ("EKF2_EV_DELAY", (0.0, 20.0, 100.0), (-1.0, 100.1, 175.0, 300.0)),
+    ],
+)
+def test_which_values_pass_without_gps(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
+    (requirement,) = (r for r in required_parameters(gps=False) if r.name == name)
     assert all(map(requirement.accepts, good)) and not any(map(requirement.accepts, bad))
 
 
