@@ -2,8 +2,8 @@
 
 A scene turns a scenario of two robots into that of one room, drawn from the scenario's seed. All reflecting planes lie
 beyond both robots and every place the ground robot drives to: a wall between the two would mirror one of them to the
-near side, with a shorter way than the direct one. They are mirrors, not obstacles: who flies on through one meets the
-image behind it, as nothing in a real room does, so whoever counts missions asks `is_outside`.
+near side, with a shorter way than the direct one. A mirror image stands behind its wall, where nobody can fly: missions
+at virtual time end there as a crash (`is_outside`); in the demo planes are mirrors alone.
 """
 
 from __future__ import annotations

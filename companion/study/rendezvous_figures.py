@@ -36,8 +36,8 @@ _NUMBERS: Final = (
     "aoa_median_deg",
 )
 _HEAD: Final = (
-    "scene", "missions", "success %", "false arrival %", "unsaid %", "median time s", "of straight flight",
-    "NEES in band", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
+    "scene", "missions", "success %", "false arrival %", "unsaid %", "into a wall %", "median time s",
+    "of straight flight", "NEES in band", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
 )  # fmt: skip
 
 SceneFigures = dict[str, float | None]
@@ -164,12 +164,10 @@ def _rank_note(rows: Sequence[MissionRow]) -> str:
 
 def _ends_note(rows: Sequence[MissionRow]) -> str:
     ends = sorted({row.end for row in rows if row.arrived_m is None})
-    left = sum(row.left_room for row in rows)
-    beyond = f" {left} flew through a wall, which is a mirror here and no obstacle." if left else ""
     if not ends:
-        return f"Every mission ended as arrived.{beyond}"
+        return "Every mission ended as arrived."
     counts = ", ".join(f"{end}: {sum(row.end == end for row in rows)}" for end in ends)
-    return f"Missions that did not call themselves arrived, by the state they ended in: {counts}.{beyond}"
+    return f"Missions that did not call themselves arrived, by the state they ended in: {counts}."
 
 
 def table(outcome: Outcome) -> str:
@@ -192,7 +190,7 @@ def table(outcome: Outcome) -> str:
 def _table_row(name: str, rows: Sequence[MissionRow]) -> str:
     figures, shares = scene_figures(rows), _shares(rows)
     numbers = [_number(figures[key]) for key in _NUMBERS]
-    cells = [name, str(len(rows)), *(str(shares[key]) for key in _SHARES), *numbers]
+    cells = [name, str(len(rows)), *(str(shares[key]) for key in (*_SHARES, "left_room")), *numbers]
     return "| " + " | ".join(cells) + " |"
 
 

@@ -59,6 +59,7 @@ _START_NS = 5 * NS_PER_S  # apertures and cameras want some past
 _BATCH_S = 0.2
 LEVER_M: Vector3 = (0.06, 0.03, -0.05)
 BEACON_LEVER_M: Vector3 = (0.0, 0.0, 0.5)
+CRASHED = "crashed"
 _OVER = frozenset({State.IDLE, State.LATCHED, State.FAULT, State.LANDING, State.ARRIVED})
 
 logging.getLogger("companion.flight").addHandler(logging.NullHandler())
@@ -90,7 +91,7 @@ class MissionResult:
     arrived_m: float | None
     """How far apart they were when the vehicle called itself arrived, which ends the mission; None if it never did."""
     left_room: bool
-    """The vehicle flew through a wall, floor or ceiling, which a real one could not."""
+    """The vehicle flew into a wall, floor or ceiling, which ended the mission: `end` is then "crashed"."""
     points: list[MissionPoint]
 
 
@@ -188,6 +189,7 @@ class _World:
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
+        self._crashed = False
         self._moving_from_s = math.inf
 
     def live(self, now_ns: int) -> bool:
@@ -214,11 +216,11 @@ class _World:
         start_s = _START_NS / NS_PER_S
         return MissionResult(
             time_s=max(0.0, self._clock.now_ns() / NS_PER_S - start_s),
-            end=str(ended_in),
+            end=CRASHED if self._crashed else str(ended_in),
             closest_m=min(apart),
             reached_s=near_s[0] - start_s if near_s else None,
-            arrived_m=apart[-1] if ended_in is State.ARRIVED else None,
-            left_room=any(is_outside(self._room, uav) for _, uav, _ in self._truth),
+            arrived_m=apart[-1] if ended_in is State.ARRIVED and not self._crashed else None,
+            left_room=self._crashed,
             points=self._points(),
         )
 
@@ -228,7 +230,7 @@ class _World:
         self._iterations.append((iteration, None if self._target is before else self._target))
 
     def _is_over(self, now_ns: int) -> bool:
-        over = now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER
+        over = self._crashed or (now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER)
         if (over or now_ns >= self._end_ns) and self._step_s > self._batch_s:
             self._note_truth(self._step_s, *self._trajectories(self._batch_s, self._step_s))
         return over or now_ns >= self._end_ns
@@ -276,6 +278,7 @@ class _World:
             for robot, lever in ((uav, LEVER_M), (beacon, BEACON_LEVER_M))
         )
         self._truth.append((t_s, u, b))
+        self._crashed |= is_outside(self._room, u)
         self._drive.watch(t_s, math.dist(u, b), math.hypot(u[0], u[1]))
         if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
             self._moving_from_s = t_s

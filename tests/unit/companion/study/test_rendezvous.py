@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,15 @@ def test_rendezvous_arrives_and_says_so(tmp_path: Path) -> None:
     assert outcome.scenes["hall"]["success"] == 1.0
     assert one.table is not None
     assert "| hall | 1 | 100 (20.7-100) | 0 (0-79.3) |" in one.table(outcome)
+
+
+def test_a_wall_ends_a_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What stands behind it, a mirror image, is never reached."""
+    monkeypatch.setattr("companion.study.virtual_mission.is_outside", lambda room, p_m: math.hypot(*p_m[:2]) > 0.4)
+    one = study("rendezvous")
+    row = one.trial(one.plan(Settings(1, DATA, ("hall",)))[0], trial_seed(SEED, 1))
+    assert (row.end, row.left_room, row.arrived_m, row.succeeded) == ("crashed", True, None, False)
+    assert row.time_s < 10.0
 
 
 def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
