@@ -228,6 +228,9 @@ class GateConfig:
 
     fence_min_m: Metres3 = (-50.0, -50.0, -1.0)
     fence_max_m: Metres3 = (50.0, 50.0, 10.0)
+    fence_yaw_deg: float = 0.0
+    """By which the box is turned about the origin, counter-clockwise from East: fence_min_m and fence_max_m are along
+    its own axes, as the walls of a building are. Heights and the cylinder do not turn."""
     fence_radius_m: Positive = 60.0
     max_speed_m_s: Positive = 1.0
     max_climb_m_s: Positive = 0.7

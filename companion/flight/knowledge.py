@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Final
 
 from companion.config.schema import Config
@@ -20,6 +21,7 @@ from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
+from companion.safety.gate import GateLimits
 from companion.sensing.iterations import SarIterations
 from companion.sensing.records import Iteration
 
@@ -54,7 +56,11 @@ class Knowledge:
         self.neighbour: Final = neighbours[config.target]
         """The target as a sender of datagrams."""
         self.targets: Final = Targets(
-            neighbours, config.target, config.mission.arrival_range_m, config.mission.arrival_confidence
+            neighbours,
+            config.target,
+            config.mission.arrival_range_m,
+            config.mission.arrival_confidence,
+            GateLimits(**asdict(config.gate)),
         )
         self._packet_ns: int | None = None
         self._packets = 0

@@ -122,11 +122,12 @@ def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:
     """The place itself, or the nearest to it that lies a little inside the fence and above the least height: where to
     stand, and to begin the next leg, after the gate has refused one."""
     low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
-    x, y, z = (
+    kept = (
         max(a + margin, min(b - margin, p))
-        for p, a, b in zip(p_local_enu_m, low, limits.fence_max_m, strict=True)
+        for p, a, b in zip(limits.in_box_axes(p_local_enu_m), low, limits.fence_max_m, strict=True)
         for margin in (min(_FENCE_MARGIN_M, (b - a) / 2),)
     )
+    x, y, z = limits.in_enu_axes((next(kept), next(kept), next(kept)))
     reach_m = max(0.0, limits.fence_radius_m - _FENCE_MARGIN_M)
     scale = min(1.0, reach_m / max(math.hypot(x, y), 1e-9))
     return scale * x, scale * y, z

@@ -66,10 +66,12 @@ def climb(p_up_m: float, wanted_up_m: float, most_m_s: float) -> float:
 def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
     """The velocity without what would take it too near to the fence, box and cylinder, or to the least height."""
     low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
-    x, y, z = (
+    own_v_m_s, own_p_m = limits.in_box_axes(v_m_s), limits.in_box_axes(p_m)
+    kept = (
         max(_FENCE_PER_S * (a + _margin(a, b) - p), min(_FENCE_PER_S * (b - _margin(a, b) - p), v))
-        for v, p, a, b in zip(v_m_s, p_m, low, limits.fence_max_m, strict=True)
+        for v, p, a, b in zip(own_v_m_s, own_p_m, low, limits.fence_max_m, strict=True)
     )
+    x, y, z = limits.in_enu_axes((next(kept), next(kept), next(kept)))
     out_m = math.hypot(p_m[0], p_m[1])
     if out_m > 1e-6:
         ux, uy = p_m[0] / out_m, p_m[1] / out_m

@@ -6,16 +6,22 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
+import numpy as np
+
 from companion.core.messages import Vector3
+from companion.guidance.reach import Reach
 from companion.guidance.steering import Aim
 from companion.guidance.tracker import Target, TargetTracker
 from companion.neighbours.neighbour import Neighbour
+from companion.safety.gate import GateLimits
 from companion.sensing.records import Bearing
 
 _KNOWN_STD_M: Final = 1.0
 """A place that is less sure than this keeps nothing at a distance: it may be anywhere,"""
 _LIKELY: Final = 0.5
 """and so may one that is less likely than all others together."""
+_BEYOND: Final = 0.5
+"""Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
 _CONFIRMED: Final = 1.0
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
@@ -24,8 +30,18 @@ class Targets:
     """One tracker for each robot that is heard; `target` is the one that is flown to."""
 
     def __init__(
-        self, neighbours: Mapping[int, Neighbour], target: int, arrival_range_m: float, arrival_confidence: float
+        self,
+        neighbours: Mapping[int, Neighbour],
+        target: int,
+        arrival_range_m: float,
+        arrival_confidence: float,
+        limits: GateLimits,
     ) -> None:
+        self._reach = Reach(limits, _BEYOND * arrival_range_m)
+        self._inside = TargetTracker(self._reach)
+        """What bearings of the target say on condition that it can be flown to."""
+        self._instead: Target | None = None
+        """The likeliest source on that condition, where the likeliest of all cannot be flown to."""
         self._arrival_range_m = arrival_range_m
         self._arrival_confidence = arrival_confidence
         self._near = 0.0
@@ -39,7 +55,8 @@ class Targets:
 
     def forget(self) -> None:
         self._trackers.clear()
-        self._near, self._nearer_m = 0.0, None
+        self._near, self._nearer_m, self._instead = 0.0, None, None
+        self._inside = TargetTracker(self._reach)
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -49,6 +66,8 @@ class Targets:
             self._found[peer] = tracker.target()
             if peer == self._target:
                 self._nearer_m = tracker.nearer_source()
+                self._inside.shift(delta_enu_m)
+                self._instead = self._instead and self._inside.target()
 
     def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
         """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""
@@ -56,6 +75,9 @@ class Targets:
         found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
             self._nearer_m = tracker.nearer_source()
+            inside = self._inside.add(bearing, ground_m)
+            can_be_flown_to = self._reach(np.array([found.place(bearing.target_p_enu_m)]))[0]
+            self._instead = None if can_be_flown_to else inside
             near = tracker.within(bearing.p_local_enu_m, bearing.target_p_enu_m, self._arrival_range_m)
             is_near = near >= self._arrival_confidence and self._nearer_m is None
             self._near = self._near + bearing.fresh if is_near else 0.0
@@ -73,6 +95,9 @@ class Targets:
             return None
         if self._nearer_m is not None:  # it is looked at again from near
             place = _sum(place, _minus(self._nearer_m, target.origin_local_enu_m))
+        elif self._instead is not None:
+            place = _sum(place, _minus(self._instead.origin_local_enu_m, target.origin_local_enu_m))
+            target = self._instead
         east, north = place[0] - p_local_enu_m[0], place[1] - p_local_enu_m[1]
         return Aim(
             math.atan2(north, east),

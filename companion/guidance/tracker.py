@@ -9,6 +9,7 @@ seem nearer than it is. The model is in docs/guidance.md.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -23,6 +24,7 @@ from wsr.aoa import Matrix3
 from wsr.geometry import direction
 
 _Floats = npt.NDArray[np.float64]
+_Bools = npt.NDArray[np.bool_]
 _PARTICLES: Final = 1500
 _RESAMPLE_BELOW: Final = 0.5
 _BORN: Final = 0.02
@@ -45,6 +47,8 @@ _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
 _SAMPLED: Final = 250
+_EXCLUDED: Final = 20.0
+"""Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 """A source was seen at a place by a range up to the one, known to the other."""
 
@@ -94,7 +98,10 @@ class TargetReport:
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
-    def __init__(self) -> None:
+    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None) -> None:
+        """`allowed` says of places (N, 3) in the local frame whether the target may be there, for a belief on that
+        condition."""
+        self._allowed = allowed
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
         self._heading_rad = np.zeros(0)
@@ -113,7 +120,7 @@ class TargetTracker:
             self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
             self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
             self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
-            self._keep_above(bearing, ground_m)
+            self._keep_possible(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
             self._weigh(bearing, ground_m)
@@ -234,12 +241,15 @@ class TargetTracker:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
         turned_m = _turned(self._origins_m - _place(bearing), self._heading_rad, self._elevation_rad)
         self._log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned_m))
-        self._keep_above(bearing, ground_m)
+        self._keep_possible(bearing, ground_m)
 
-    def _keep_above(self, bearing: Bearing, ground_m: float) -> None:
+    def _keep_possible(self, bearing: Bearing, ground_m: float) -> None:
         height_m = self._origins_m[:, 2] + bearing.target_p_enu_m[2] - ground_m
         margin_m, scale_m = _BELOW_GROUND_M
         log_weight = self._log_weight - bearing.fresh * np.maximum(0.0, -(height_m + margin_m) / scale_m)
+        if self._allowed is not None:
+            places_m = self._origins_m + np.array(bearing.target_p_enu_m)
+            log_weight = np.where(self._allowed(places_m), log_weight, log_weight - _EXCLUDED)
         log_weight -= log_weight.max()
         self._log_weight = log_weight - math.log(float(np.exp(log_weight).sum()))
 

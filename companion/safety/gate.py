@@ -35,7 +35,8 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateLimits:
-    """Positions are in the autopilot's local frame with ENU axes; the cylinder stands on its origin.
+    """Positions are in the autopilot's local frame with ENU axes; box and cylinder stand about its origin, and the box
+    is turned about it by `fence_yaw_deg` counter-clockwise, as a building's walls are.
 
     Raises ValueError when a limit can never be met.
     """
@@ -55,6 +56,7 @@ class GateLimits:
     response_s: float = 0.5
     """Time the vehicle is given to reach the set point's velocity: the acceleration asked for is their ratio."""
     max_position_age_s: float = 0.5
+    fence_yaw_deg: float = 0.0
     min_neighbour_m: float = 1.0
     """Least distance of a set point from where a neighbour is known to be, unless it leads away from there."""
 
@@ -63,16 +65,24 @@ class GateLimits:
             raise ValueError(
                 f"fence_min_m {self.fence_min_m} must lie below fence_max_m {self.fence_max_m} on each axis"
             )
-        if not math.isfinite(self.min_height_m):
-            raise ValueError(f"min_height_m is {self.min_height_m}; expected a finite number")
+        for name in ("min_height_m", "fence_yaw_deg"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)}; expected a finite number")
         for name in _POSITIVE:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
 
+    def in_box_axes(self, vector: Vector3) -> Vector3:
+        """Of a place or a velocity with ENU axes."""
+        return turned(vector, -math.radians(self.fence_yaw_deg))
+
+    def in_enu_axes(self, vector: Vector3) -> Vector3:
+        """Of a place or a velocity with the box's axes."""
+        return turned(vector, math.radians(self.fence_yaw_deg))
+
     def is_in_box(self, p_local_enu_m: Vector3) -> bool:
-        return all(
-            low <= p <= high for low, p, high in zip(self.fence_min_m, p_local_enu_m, self.fence_max_m, strict=True)
-        )
+        p_m = self.in_box_axes(p_local_enu_m)
+        return all(low <= p <= high for low, p, high in zip(self.fence_min_m, p_m, self.fence_max_m, strict=True))
 
     def is_in_cylinder(self, p_local_enu_m: Vector3) -> bool:
         return math.hypot(p_local_enu_m[0], p_local_enu_m[1]) <= self.fence_radius_m
@@ -157,6 +167,15 @@ class Gate:
             Reason.NEIGHBOUR: any(_closes_in(wanted_p, p_m, other, limits.min_neighbour_m) for other in neighbours),
         }
         return tuple(reason for reason, is_broken in broken.items() if is_broken)
+
+
+def turned(vector: Vector3, angle_rad: float) -> Vector3:
+    """About the vertical, counter-clockwise. Without an angle it is the vector itself, to the last bit."""
+    if angle_rad == 0.0:
+        return vector
+    x, y, z = vector
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return c * x - s * y, s * x + c * y, z
 
 
 def _led_to(p_m: Vector3, v_m_s: Vector3, response_s: float) -> Vector3:

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from companion.config.schema import GateConfig
 from companion.core.messages import Vector3
 from companion.errors import ConfigError
 from companion.sim.scenario import RadioScenario, Reflector, Scatterer, Scenario, VioScenario
@@ -26,6 +27,8 @@ Array = npt.NDArray[np.float64]
 FLIGHT_HEIGHT_M: Final = 1.5
 """Ceilings are counted from here; missions fly at about this height."""
 _SCENE_STREAM: Final = 5
+_WITHIN_M: Final = 0.7
+"""A fence is set this far within the walls."""
 _UP: Final[Vector3] = (0.0, 0.0, 1.0)
 _HALL_GAIN: Final = (0.1, 0.3)
 _HALL_BEYOND_M: Final = (6.0, 12.0)
@@ -135,6 +138,29 @@ def is_outside(radio: RadioScenario, p_enu_m: Vector3) -> bool:
     return any(
         (np.dot(plane.normal, p_enu_m) - plane.offset_m) * (np.dot(plane.normal, inside) - plane.offset_m) < 0
         for plane in radio.reflectors
+    )
+
+
+def fence_in(radio: RadioScenario, fence: GateConfig) -> GateConfig:
+    """The fence that a person sets who knows the room: `fence`, drawn in to a little within the walls and the ceiling.
+    Walls are at right angles to each other."""
+    walls = [plane for plane in radio.reflectors if plane.normal[2] == 0.0]
+    ceilings_m = [plane.offset_m for plane in radio.reflectors if plane.normal[2] > 0.0 and plane.offset_m > 0.0]
+    low, high = list(fence.fence_min_m), list(fence.fence_max_m)
+    high[2] = min([high[2], *(ceiling_m - _WITHIN_M for ceiling_m in ceilings_m)])
+    yaw_rad = math.atan2(walls[0].normal[1], walls[0].normal[0]) if walls else 0.0
+    for wall in walls:
+        turn = round(math.remainder(math.atan2(wall.normal[1], wall.normal[0]) - yaw_rad, math.tau) / (math.pi / 2)) % 4
+        edge_m, axis = wall.offset_m - _WITHIN_M, turn % 2
+        if turn < 2:
+            high[axis] = min(high[axis], edge_m)
+        else:
+            low[axis] = max(low[axis], -edge_m)
+    return replace(
+        fence,
+        fence_min_m=(low[0], low[1], low[2]),
+        fence_max_m=(high[0], high[1], high[2]),
+        fence_yaw_deg=math.degrees(yaw_rad),
     )
 
 

@@ -21,7 +21,7 @@ from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
 from companion.host.child import die_with_parent
 from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
-from companion.sim.scenes import set_in
+from companion.sim.scenes import fence_in, set_in
 from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
@@ -74,15 +74,16 @@ def set_stage(
         autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}", gps=gps, forward_vio_hz=0.0 if gps else _VIO_HZ),
     )
     beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
+    scenario = _scenario(uav, beacon, directory, seed)
+    if scene is not None:
+        scenario = set_in(scenario, scene)
+        uav = dataclasses.replace(uav, gate=fence_in(scenario.radio, uav.gate))
     uav_key, beacon_key = secrets.token_bytes(32), secrets.token_bytes(32)
     for config, own_key, peer_key in ((uav, uav_key, beacon_key), (beacon, beacon_key, uav_key)):
         config.path("").mkdir()
         save_config(config, directory / f"{config.name}.yaml")
         _write_key(config.path(config.neighbours.key_file), own_key)
         _write_key(config.path(config.peers[0].key_file), peer_key)
-    scenario = _scenario(uav, beacon, directory, seed)
-    if scene is not None:
-        scenario = set_in(scenario, scene)
     (directory / "scenario.json").write_bytes(encode_scenario(scenario))
     return Stage(
         directory=directory,

@@ -34,7 +34,7 @@ from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import Iteration
 from companion.sensing.window import SarWindow
 from companion.sim.scenario import Scenario
-from companion.sim.scenes import is_outside
+from companion.sim.scenes import fence_in, is_outside
 from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
 from companion.study.virtual_clock import VirtualClock
 from companion.study.virtual_parts import (
@@ -143,6 +143,7 @@ class _World:
 
     def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
         settings = config()
+        settings = replace(settings, gate=fence_in(scenario.radio, settings.gate))
         self._clock = clock
         self._room = scenario.radio
         self._iterations: list[tuple[Iteration, Target | None]] = []

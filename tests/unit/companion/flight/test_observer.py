@@ -37,7 +37,7 @@ class _Known(Targets):
     """Knows of one target, or of none."""
 
     def __init__(self, target: Target | None) -> None:
-        super().__init__({}, 2, 1.0, 0.9)
+        super().__init__({}, 2, 1.0, 0.9, GateLimits(**asdict(GateConfig())))
         self.known = target
 
     @property

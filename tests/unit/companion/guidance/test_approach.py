@@ -14,7 +14,7 @@ from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint, Vector3
 from companion.guidance.approach import Approach, as_velocity, inside
-from companion.guidance.steering import Aim
+from companion.guidance.steering import Aim, kept_inside
 from companion.safety.gate import GateLimits
 
 LIMITS = GateLimits(fence_min_m=(-50, -50, -1), fence_max_m=(50, 50, 10), fence_radius_m=60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
@@ -118,5 +118,9 @@ def test_after_a_refusal_it_stands_inside_the_fence() -> None:
     assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))
     assert inside((0.0, 0.0, 9.0), limits)[2] == pytest.approx(4.7)
     assert inside((0.0, 0.0, 0.1), limits)[2] == pytest.approx(0.8)
+    turned = replace(limits, fence_yaw_deg=90.0)  # nine metres to the North now, and four to the East
+    assert inside((5.0, 0.0, 1.5), turned) == pytest.approx((3.7, 0.0, 1.5))
+    assert kept_inside((0.5, 0.0, 0.0), (4.5, 0.0, 1.5), turned)[0] < 0.0
+    assert kept_inside((0.0, 0.5, 0.0), (0.0, 4.5, 1.5), turned) == pytest.approx((0.0, 0.45, 0.0), abs=0.06)
     narrow = replace(limits, fence_min_m=(-0.1, -4, -1), fence_max_m=(0.1, 4, 5))
     assert inside((3.0, 1.0, 1.5), narrow) == pytest.approx((0.0, 1.0, 1.5))

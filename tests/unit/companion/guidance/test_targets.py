@@ -10,7 +10,19 @@ import pytest
 from companion.core.messages import Vector3
 from companion.guidance.targets import Targets
 from companion.neighbours.neighbour import Neighbour
+from companion.safety.gate import GateLimits
 from companion.sensing.records import Bearing
+from wsr.peaks import Peak
+
+_LIMITS = GateLimits(
+    fence_min_m=(-20.0, -20.0, -1.0),
+    fence_max_m=(20.0, 20.0, 5.0),
+    fence_radius_m=30.0,
+    max_speed_m_s=1.0,
+    max_climb_m_s=0.7,
+    max_acceleration_m_s2=3.0,
+    min_height_m=0.5,
+)
 
 
 def _bearing(from_m: Vector3, target_m: Vector3) -> Bearing:
@@ -41,7 +53,7 @@ class _Neighbour(Neighbour):
 
 def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> None:
     beacon = _Neighbour(2, "beacon")
-    targets = Targets({2: beacon}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
+    targets = Targets({2: beacon}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS)
     assert targets.places() == () and not targets.is_near((0.0, 0.0, 1.5))
     for turn in range(8):  # around it
         targets.add(2, _bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), 0.0)
@@ -57,7 +69,9 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
 
 
 def test_one_bearing_tells_a_direction_and_no_place() -> None:
-    targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
+    targets = Targets(
+        {2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
+    )
     assert targets.aim((0.0, 0.0, 1.5)) is None
     targets.add(2, _bearing((0.0, 0.0, 1.5), (4.0, 0.0, 0.5)), 0.0)
     aim = targets.aim((0.0, 0.0, 1.5))
@@ -67,10 +81,57 @@ def test_one_bearing_tells_a_direction_and_no_place() -> None:
 
 def test_near_is_what_new_packets_have_confirmed() -> None:
     """A whole aperture of them; until then, and as soon as one does not, nothing has arrived."""
-    targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9)
+    targets = Targets(
+        {2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
+    )
     for turn in range(6):
         targets.add(2, replace(_bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), fresh=1.0), 0.0)
     assert targets.is_near((4.9, 0.0, 1.0))
     targets.add(2, replace(_bearing((9.0, 0.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
     targets.add(2, replace(_bearing((4.0, 1.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
     assert not targets.is_near((4.9, 0.0, 1.0))
+
+
+def _seen_from(targets: Targets, from_m: Vector3, image_m: Vector3, robot_m: Vector3) -> None:
+    """A bearing of the louder of two, with the other as another path: the robot is behind something, at a fifth of its
+    amplitude, and the wall reflects half."""
+    powers = {robot_m: (0.2 / math.dist(from_m, robot_m)) ** 2, image_m: (0.5 / math.dist(from_m, image_m)) ** 2}
+    faint_m, loud_m = sorted(powers, key=lambda place_m: powers[place_m])
+    loud, faint = _bearing(from_m, loud_m), _bearing(from_m, faint_m)
+    path = Peak(faint.azimuth_rad, faint.polar_rad, 0.1, powers[faint_m] / powers[loud_m])
+    targets.add(2, replace(loud, others=(path,), reliability=0.5, fresh=0.4), 0.0)
+
+
+@pytest.mark.parametrize("is_fenced", [True, False])
+def test_an_image_behind_the_wall_is_louder_but_the_robot_in_the_room_is_flown_to(is_fenced: bool) -> None:
+    """The fence keeps to the room, so nobody could fly to the image. Without it the vehicle flies there."""
+    image_m, robot_m = (0.0, -12.0, 0.5), (9.0, 0.0, 0.5)
+    room = replace(_LIMITS, fence_min_m=(-3.0, -4.0, -1.0), fence_max_m=(12.0, 4.0, 3.0))
+    targets = Targets(
+        {2: _Neighbour(2, "beacon")},
+        target=2,
+        arrival_range_m=2.0,
+        arrival_confidence=0.9,
+        limits=room if is_fenced else _LIMITS,
+    )
+    x, y = 0.0, 0.0
+    for step in range(120):
+        here_m = (x + 0.5 * math.sin(1.3 * step), y, 1.5 + 0.15 * math.cos(1.3 * step))
+        _seen_from(targets, here_m, image_m, robot_m)
+        aim = targets.aim(here_m)
+        assert aim is not None
+        x, y = x + 0.25 * math.cos(aim.azimuth_rad), y + 0.25 * math.sin(aim.azimuth_rad)
+        y = max(y, -4.0) if is_fenced else y
+        if math.dist((x, y), (robot_m if is_fenced else image_m)[:2]) < 1.5:
+            return
+    pytest.fail(f"ended at {x:.1f}, {y:.1f}")
+
+
+def test_where_nothing_seen_can_be_flown_to_it_flies_towards_it_all_the_same() -> None:
+    tight = replace(_LIMITS, fence_min_m=(-1.0, -1.0, -1.0), fence_max_m=(1.0, 1.0, 3.0), fence_radius_m=1.0)
+    targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=0.1, arrival_confidence=0.9, limits=tight)
+    for step in range(12):
+        here_m = (0.6 * math.cos(step), 0.6 * math.sin(step), 1.5)
+        targets.add(2, replace(_bearing(here_m, (0.0, 14.0, 0.5)), fresh=0.5), 0.0)
+    aim = targets.aim(here_m)
+    assert aim is not None and aim.azimuth_rad == pytest.approx(math.pi / 2, abs=0.4)

@@ -49,6 +49,19 @@ def test_good_set_point_passes_unchanged() -> None:
     assert verdict.reasons == ()
 
 
+@pytest.mark.parametrize("yaw_deg", [30.0, -120.0, 90.0])
+def test_a_box_turned_with_the_walls_refuses_beyond_them_and_nowhere_else(yaw_deg: float) -> None:
+    limits = dataclasses.replace(_LIMITS, fence_min_m=(-2.0, -10.0, -1.0), fence_yaw_deg=yaw_deg)
+    ahead = math.radians(yaw_deg)
+    for along_m, across_m, is_inside in ((9.9, 0.0, True), (10.1, 0.0, False), (-1.9, 0.0, True), (-2.1, 0.0, False),
+                                         (0.0, 9.9, True), (0.0, -10.1, False)):  # fmt: skip
+        e_m = along_m * math.cos(ahead) - across_m * math.sin(ahead)
+        n_m = along_m * math.sin(ahead) + across_m * math.cos(ahead)
+        setpoint = dataclasses.replace(_GOOD, p_local_enu_m=(e_m, n_m, 1.5))
+        reasons = Gate(limits).check(setpoint, _at((e_m, n_m, 1.5)), _NOW_NS, True).reasons
+        assert reasons == (() if is_inside else (Reason.FENCE_BOX,))
+
+
 def test_nothing_is_sent_in_a_foreign_mode() -> None:
     verdict = _GATE.check(_GOOD, _STATE, _NOW_NS, False)
     assert verdict.setpoint is None and verdict.reasons == (Reason.MODE,)

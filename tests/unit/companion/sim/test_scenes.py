@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+from companion.config.schema import GateConfig
 from companion.errors import ConfigError
+from companion.safety.gate import GateLimits
 from companion.sim.scenario import Reflector, Scenario, encode_scenario, load_scenario
-from companion.sim.scenes import SCENES, is_outside, scene_names, set_in
+from companion.sim.scenes import SCENES, fence_in, is_outside, scene_names, set_in
 from companion.sim.trajectory import BeaconDrive
 from tests.sim_scenes import scene
 
@@ -38,6 +41,26 @@ def test_all_planes_are_beyond_both_robots_and_the_whole_drive(name: str, seed: 
         beyond_m = wall.offset_m - np.vstack([np.zeros((1, 3)), _course_m(scenario)]) @ np.array(wall.normal)
         assert beyond_m.min() > least_m - 1e-6
     assert not any(is_outside(scenario.radio, (x, y, 1.0)) for x, y, _ in _course_m(scenario)[::500].tolist())
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_its_fence_is_within_the_walls_and_around_both_robots(name: str, seed: int) -> None:
+    scenario = set_in(scene(seed), name)
+    fence = fence_in(scenario.radio, GateConfig())
+    limits = GateLimits(**asdict(fence))
+    corners = itertools.product(
+        *zip(fence.fence_min_m[:2], fence.fence_max_m[:2], strict=True), (0.5, limits.fence_max_m[2])
+    )
+    for x, y, z in corners:
+        assert not is_outside(scenario.radio, limits.in_enu_axes((x, y, z)))
+    for x, y, _ in _course_m(scenario)[::500].tolist():
+        assert limits.is_in_box((x, y, 0.5))
+    assert limits.is_in_box((0.0, 0.0, 1.5))
+    walls = len(_walls(scenario))
+    assert fence.fence_max_m[2] < 10.0 or not name.startswith(("hard", "furniture"))
+    drawn_in = sum(abs(edge) < 50.0 for edge in (*fence.fence_min_m[:2], *fence.fence_max_m[:2]))
+    assert drawn_in == walls
 
 
 @pytest.mark.parametrize("name", SCENES)
