@@ -61,6 +61,7 @@ def asked_for_3_s(trace: Trace) -> Found:
     last_ns = 0
     for entry in trace.of(Asked):
         if entry.what != "mode":
+            first = None if entry.what == "takeoff" else first  # engaged anew: what is asked for next is another wish
             continue
         again = first is not None and entry.wanted is first.wanted and entry.t_ns - last_ns < 1.6 * NS_PER_S
         again = again and entry.told.mode is not _TOLD_AS.get(entry.wanted)  # it was had: this is asked for anew
