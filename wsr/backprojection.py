@@ -60,23 +60,25 @@ def score_rows(
 ) -> Scores:
     """What `wsr.subapertures.score` gives for the directions u (N, 3) of `rows`, to 0.3 % of the maximum."""
     scales = int(parts.pieces[-1, 0]) + 1
-    shape = (scales, len(u), len(ranges_m))
+    # A range after the other, whole: slices of one array would have the kernels compiled for other strides.
+    shape = (len(ranges_m), scales, len(u))
     coherence, phase = np.empty(shape, np.float32), np.zeros(shape, np.float32)
     leaves, u32 = _leaves(parts), np.ascontiguousarray(u, np.float32)
     arrays = parts.arrays(delay_ns is not None)
     for i, range_m in enumerate(ranges_m):
-        reach = np.array([0.0 if range_m is None else range_m / parts.wavelength_m], np.float32)
-        step_rad = _coarse_step_rad(leaves, float(reach[0]), len(u))
+        reach = 0.0 if range_m is None else range_m / parts.wavelength_m
+        step_rad = _coarse_step_rad(leaves, reach, len(u))
         if step_rad is None:
+            one, late = coherence[i, :, :, None], phase[i, :, :, None]
             x, x2, h, cuts, pieces, lag, power = arrays
-            at = slice(i, i + 1)
-            score_grid(x, x2, h, u32, reach, cuts, pieces, lag, power, coherence[:, :, at], phase[:, :, at])
+            score_grid(x, x2, h, u32, np.array([reach], np.float32), cuts, pieces, lag, power, one, late)
             continue
         count = math.ceil(math.pi / step_rad)
         _back_project(
-            *arrays, u32, rows.polar_rad, rows.first, reach[0], leaves.borders, leaves.runs, leaves.middle,
-            math.pi / count, 2 * count, coherence[:, :, i], phase[:, :, i],
+            *arrays, u32, rows.polar_rad, rows.first, np.float32(reach), leaves.borders, leaves.runs, leaves.middle,
+            math.pi / count, 2 * count, coherence[i], phase[i],
         )  # fmt: skip
+    coherence, phase = (np.ascontiguousarray(np.moveaxis(each, 0, 2)) for each in (coherence, phase))
     if delay_ns is None or not parts.lag.size:
         return Scores(coherence, coherence)
     return Scores(coherence * delay_weight(phase, delay_ns), coherence)
@@ -134,7 +136,7 @@ def _back_project(
     u: Array32,
     polars: Array,
     first: Indices,
-    reach: float,
+    reach: np.float32,
     borders: Indices,
     runs: Indices,
     middle: Array32,
@@ -209,7 +211,7 @@ def _coarse(
     x: Array32,
     x2: Array32,
     h: Array32,
-    reach: float,
+    reach: np.float32,
     borders: Indices,
     middle: Array32,
     middle2: Array32,

@@ -214,7 +214,7 @@ def score_grid(
 
 
 @compiled
-def path_turns(across: Array32, x2: Array32, r: float, turns: Array32) -> None:
+def path_turns(across: Array32, x2: Array32, r: np.float32, turns: Array32) -> None:
     """d = |r u - x| - r without cancellation: (x^2 - 2 r u.x) / (sqrt(r^2 - 2 r u.x + x^2) + r); r = 0: -u.x."""
     if r == 0.0:
         for b in range(across.size):

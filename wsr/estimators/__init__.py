@@ -27,15 +27,17 @@ def warm_up() -> None:
     """Load or compile all machine code that `robust` uses, so that the first real estimate is as fast as the rest."""
     kernel.warm_up()
     rng = np.random.default_rng(0)
-    t = np.linspace(0.0, 1.0, 40)
-    wave = np.ones((40, 30), np.complex64) + 0.1 * rng.normal(size=(40, 30)).astype(np.complex64)
+    # So many that the search of the sphere takes its fast way.
+    count = 240
+    t = np.linspace(0.0, 1.0, count)
+    wave = np.ones((count, 30), np.complex64) + 0.1 * rng.normal(size=(count, 30)).astype(np.complex64)
     for height in (0.0, 0.3):
-        chi = 0.5 * np.stack([np.cos(5 * t), np.sin(5 * t), height * np.sin(9 * t)], axis=-1)
-        nic_us = np.stack([1e6 * t, 1e6 * t + rng.integers(300, 310, 40)], axis=-1)
+        chi = 0.2 * np.stack([np.cos(5 * t), np.sin(5 * t), height * np.sin(9 * t)], axis=-1)
+        nic_us = np.stack([1e6 * t, 1e6 * t + rng.integers(300, 310, count)], axis=-1)
         aperture = Aperture(
             t_s=t,
             chi_m=chi,
-            channel=np.ones(40, np.complex128),
+            channel=np.ones(count, np.complex128),
             wavelength_m=0.05,
             reference_p_m=(0.0, 0.0, 0.0),
             reference_t_s=0.5,
