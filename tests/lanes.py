@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -92,17 +92,18 @@ def run(chosen: list[Lane]) -> int:
     _OUT.mkdir(parents=True, exist_ok=True)
     print(f"{', '.join(lane.name for lane in chosen)}: while they run see {_OUT}/*.txt", flush=True)
     began_s = time.monotonic()
-    running = _started(lane for lane in chosen if not lane.waits)
+    running = dict[int, tuple[Lane, subprocess.Popen[bytes]]]()
     waiting = [lane for lane in chosen if lane.waits]
     lines, failed = list[str](), list[tuple[Lane, int]]()
     try:
+        _start_all([lane for lane in chosen if not lane.waits], running)
         while running:
             pid, status, used = os.wait3(0)
             lane, process = running.pop(pid)
             process.returncode = code = os.waitstatus_to_exitcode(status)
             failed += [(lane, code)] * (code != 0)
             if lane.name == _KERNELS:
-                running |= _started(waiting)
+                _start_all(waiting, running)
             lines.append(
                 f"{lane.name:>10} {'passed' if code == 0 else f'FAILED ({code})'}: {time.monotonic() - began_s:.0f} s, "
                 f"of which {used.ru_utime + used.ru_stime:.0f} s of processor"
@@ -127,10 +128,11 @@ def _passes_alone(lane: Lane) -> bool:
     return passed
 
 
-def _started(chosen: Iterable[Lane]) -> dict[int, tuple[Lane, subprocess.Popen[bytes]]]:
-    """By process id."""
-    started = [(lane, _start(lane)) for lane in chosen]
-    return {process.pid: (lane, process) for lane, process in started}
+def _start_all(chosen: list[Lane], running: dict[int, tuple[Lane, subprocess.Popen[bytes]]]) -> None:
+    """One by one into `running`, by process id, so that an interrupt finds those that have begun."""
+    for lane in chosen:
+        process = _start(lane)
+        running[process.pid] = lane, process
 
 
 def _start(lane: Lane) -> subprocess.Popen[bytes]:
