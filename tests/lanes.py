@@ -5,8 +5,8 @@ lives in real time waits most of the time and takes what little it needs at once
 takes all that is left. A lane is printed when it has ended; while it runs its output is in build/test/. docs/testing.md
 has a table of where the time goes.
 
-What lives in real time and failed beside the others is judged once more alone, and the last lines say so: beside four
-other lanes on two cores a test can fail of the company it was in.
+A test that failed beside the others is judged once more alone, and the last lines say so: beside four other lanes on
+two cores a test can fail of the company it was in.
 """
 
 from __future__ import annotations
@@ -55,11 +55,15 @@ class Lane:
 
 def _real_time(name: str, *paths: str) -> Lane:
     """Modules and folders of tests/sitl, one after the other."""
-    cache = f"cache_dir={_OUT / name}.cache"
-    command = (*_PYTEST, "-o", cache, *(f"tests/sitl/{path}" for path in paths))
+    return _again_alone(name, (*_PYTEST, *(f"tests/sitl/{path}" for path in paths)))
+
+
+def _again_alone(name: str, command: tuple[str, ...], environment: Mapping[str, str] | None = None) -> Lane:
+    """A lane of tests that remembers which of them failed."""
+    command = (*command, "-o", f"cache_dir={_OUT / name}.cache")
     # What an earlier run left of failures is no answer to this one.
     again = (*command, "--last-failed", "--last-failed-no-failures", "none")
-    return Lane(name, (*command, "--cache-clear"), alone=again, waits=True)
+    return Lane(name, (*command, "--cache-clear"), environment or {}, alone=again, waits=True)
 
 
 _FLIGHTS: Final = (
@@ -83,7 +87,7 @@ def lanes() -> list[Lane]:
         _real_time("edges", *sorted(every - named)),
         # A thread for each worker: where there are more of BLAS than cores, they spin for each other. One worker more
         # than cores, since some tests wait.
-        Lane("computing", (*_NICE, *_PYTEST, "-n", "3", *computing), ONE_THREAD, waits=True),
+        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", *computing), ONE_THREAD),
     ]
 
 

@@ -68,11 +68,17 @@ class TruthTrack:
         """True azimuth and polar angle [rad] to a peer; None where the truth does not know."""
         if peer not in self.peers_m or not len(self.t_ns) or not self.t_ns[0] <= t_ns <= self.t_ns[-1]:
             return None
-        azimuth, polar = angles(self._at(t_ns, self.peers_m[peer]) - self._at(t_ns, self.antenna_m))
+        own_m, peer_m = self.places_m(t_ns, peer)
+        azimuth, polar = angles(peer_m - own_m)
         return (float(azimuth), float(polar)) if np.isfinite(azimuth) else None
 
     def distance_m(self, t_ns: int, peer: str) -> float:
-        return float(np.linalg.norm(self._at(t_ns, self.peers_m[peer]) - self._at(t_ns, self.antenna_m)))
+        own_m, peer_m = self.places_m(t_ns, peer)
+        return float(np.linalg.norm(peer_m - own_m))
+
+    def places_m(self, t_ns: int, peer: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Of our antenna and the peer's; ENU in the local frame."""
+        return self._at(t_ns, self.antenna_m), self._at(t_ns, self.peers_m[peer])
 
     def _at(self, t_ns: int, p_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         start = self.t_ns[0]  # differences, so that nanoseconds of an uptime of weeks stay exact

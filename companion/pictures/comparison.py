@@ -28,7 +28,7 @@ def draw_comparison(path: Path, rows: Sequence[BearingRow], flown: str, other: s
     panels[0].set(
         ylabel="azimuth [deg from East]", title="each SAR iteration as flown, and with the other configuration"
     )
-    panels[0].legend()
+    panels[0].legend(loc="upper right")
     panels[1].bar(t_s, np.nan_to_num(_numbers([row.moved_deg for row in rows])), width=0.8, color="0.6", edgecolor="k")
     panels[1].set(ylabel="moved by [deg]")
     if with_truth:
@@ -37,7 +37,7 @@ def draw_comparison(path: Path, rows: Sequence[BearingRow], flown: str, other: s
             shade = "black" if side == "recorded" else "0.45"
             panels[2].plot(t_s, values, style, color=shade, label=label, fillstyle="none")
         panels[2].set(ylabel="|azimuth error| [deg]", ylim=(0, None))
-        panels[2].legend()
+        panels[2].legend(loc="upper right")
     for panel in panels:
         panel.grid(color="0.9")
     panels[-1].set(xlabel="time since the first event [s]")

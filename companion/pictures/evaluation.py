@@ -53,5 +53,5 @@ def draw_risk_coverage(path: Path, result: Evaluation) -> None:
     )
     axes.set_ylim(bottom=0)
     axes.grid(color="0.92")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper right")
     figure.savefig(path, dpi=130)

@@ -57,7 +57,7 @@ def flight_path(content: FlightContent) -> bytes:
         _plot_truth(axes, content)
     axes.set(xlabel="East [m]", ylabel="North [m]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper right")
     return _png(figure)
 
 
@@ -98,12 +98,12 @@ def estimates(content: FlightContent) -> bytes:
     above.set(
         ylabel="[deg]", yscale="log", title="error and bound" if content.truth else "bound (no truth in this log)"
     )
-    above.legend(fontsize=8)
+    above.legend(fontsize=8, loc="upper right")
     reliability = [one.estimate.reliability for one in with_estimate if one.estimate is not None]
     below.plot(t_s, reliability, "ko-")
     below.axhline(content.config.aperture.min_reliability, color="0.5", linestyle=":", label="least that steers")
     below.set(ylabel="reliability", ylim=(0, 1), xlabel="time [s]")
-    below.legend(fontsize=8)
+    below.legend(fontsize=8, loc="upper right")
     return _png(figure)
 
 
@@ -113,7 +113,7 @@ def rates(content: FlightContent) -> bytes:
     for stream, style in ((CSI, "k-"), (POSE_IN, "k--"), (NEIGHBOUR, "k:")):
         packets.plot(*content.rate(stream.topic), style, label=stream.topic)
     packets.set(ylabel="messages/s", title="what was heard")
-    packets.legend(fontsize=8)
+    packets.legend(fontsize=8, loc="upper right")
     t_s = [content.seconds(one.reference_ns) for one in content.iterations]
     used = [one.estimate.packets if one.estimate is not None else 0 for one in content.iterations]
     share = [100 * count / max(one.received, 1) for count, one in zip(used, content.iterations, strict=True)]
@@ -134,12 +134,12 @@ def health(content: FlightContent) -> bytes:
         heard = [_number(values["neighbours"].get(name, {}).get("age_s")) for _, values in content.health]
         ages.plot(t_s, heard, style, label=f"datagram of {name}")
     ages.set(ylabel="age [s]", title="freshness")
-    ages.legend(fontsize=8)
+    ages.legend(fontsize=8, loc="upper right")
     for group, key, style in (("radio", "lost", "k-"), ("radio", "malformed", "k--"), ("recorder", "dropped", "k:")):
         counted = [_number(values.get(group, {}).get(key)) for _, values in content.health]
         losses.plot(t_s, counted, style, label=f"{group}: {key}")
     losses.set(ylabel="count", title="lost, malformed and dropped since the start")
-    losses.legend(fontsize=8)
+    losses.legend(fontsize=8, loc="upper right")
     _state_line(states, content)
     return _png(figure)
 
@@ -175,7 +175,7 @@ def path_of(p_m: npt.NDArray[np.float64], bearings: Sequence[tuple[str, float]])
         axes.plot(*tip, alpha=0)
     axes.set(xlabel="East [m]", ylabel="North [m]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper right")
     return _png(figure)
 
 
@@ -193,7 +193,7 @@ def recording_rates(links: Sequence[tuple[str, PacketTimes]]) -> bytes:
         for axes, values in zip((packets, pairs, used), lines, strict=True):
             axes.plot(edges_s[:-1] - edges_s[0], values, style, color=shade, label=name)
     packets.set(ylabel="packets/s", ylim=(0, 1.1 * packets.dataLim.y1), title="what was heard")
-    packets.legend(fontsize=8)
+    packets.legend(fontsize=8, loc="upper right")
     pairs.set(ylabel="of packets [%]", ylim=(0, 105), title="paired")
     used.set(ylabel="of packets [%]", ylim=(0, 105), xlabel="time [s]", title="used: paired, while there were poses")
     return _png(figure)

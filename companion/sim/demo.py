@@ -27,7 +27,7 @@ from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 
 RENDEZVOUS_M: Final = 2.0
-_BEACON: Final = "beacon"
+BEACON: Final = "beacon"
 _READY_S: Final = 90.0  # the first start on a machine compiles the AOA kernel
 _LOGS: Final = ("log.mcap", "beacon.mcap", TRUTH_NAME)
 _PICTURES: Final = ("flight.png", "profile.png")
@@ -84,7 +84,7 @@ async def run_demo(
             try:
                 async with Cast(stage, out) as cast:
                     run = await _Operator(stage, cast, truth_socket, on_watch).run(max_time_s)
-                write_truth(out / TRUTH_NAME, _log_truths(run.truths))
+                write_truth(out / TRUTH_NAME, log_truths(run.truths))
                 return run
             finally:
                 for claim in stage.claims:
@@ -186,5 +186,6 @@ class _Operator:
         return (last.vehicle.setpoints - first.vehicle.setpoints) / span_s if span_s > 0 else 0.0
 
 
-def _log_truths(truths: list[WorldTruth]) -> list[Truth]:
-    return [Truth(t.t_mono_ns, t.uav_antenna_enu_m, {_BEACON: t.beacon_antenna_enu_m}) for t in truths]
+def log_truths(truths: list[WorldTruth]) -> list[Truth]:
+    """As they are written beside a log."""
+    return [Truth(t.t_mono_ns, t.uav_antenna_enu_m, {BEACON: t.beacon_antenna_enu_m}) for t in truths]

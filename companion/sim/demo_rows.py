@@ -8,16 +8,15 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from companion.core.clock import NS_PER_S
 from companion.core.streams import BEARING, PROFILE
 from companion.log.foxglove import power_of
 from companion.log.reader import read_log
-from companion.log.records import LoggedIteration
-from companion.sim.demo import DemoRun
+from companion.log.records import LoggedIteration, TruthTrack
+from companion.sim.demo import BEACON, DemoRun, log_truths
 from companion.sim.truth import WorldTruth
-from wsr.geometry import angles, direction, great_circle
+from wsr.geometry import direction, great_circle
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
@@ -73,7 +72,9 @@ def summarise(run: DemoRun, log: Path) -> tuple[DemoResult, Profile | None, Logg
     messages = read_log(log, {BEARING.topic, PROFILE.topic})
     iterations = [msgspec.json.decode(m.data, type=LoggedIteration) for m in messages if m.topic == BEARING.topic]
     profiles = [m.data for m in messages if m.topic == PROFILE.topic]
-    rows = [_row(iteration, run) for iteration in iterations] if run.truths else []
+    track = TruthTrack(log_truths(run.truths))
+    # An iteration from before the first truth or after the last has no error: the vehicle was elsewhere by then.
+    rows = [row for iteration in iterations if (row := _row(iteration, run, track)) is not None]
     errors = [row.error_deg for row in rows if row.error_deg is not None]
     last = run.truths[-1].vehicle if run.truths else None
     in_offboard = last.setpoints_in_offboard if last else 0
@@ -117,11 +118,13 @@ def _outside_until_offboard(truths: list[WorldTruth]) -> int:
     return truths[-1].vehicle.setpoints if truths else 0
 
 
-def _row(iteration: LoggedIteration, run: DemoRun) -> Row:
-    truths = run.truths
-    uav = _at(iteration.reference_ns, truths, [t.uav_antenna_enu_m for t in truths])
-    beacon = _at(iteration.reference_ns, truths, [t.beacon_antenna_enu_m for t in truths])
-    true_azimuth, true_polar = (float(angle) for angle in angles(beacon - uav))
+def _row(iteration: LoggedIteration, run: DemoRun, track: TruthTrack) -> Row | None:
+    """None where the truth does not know."""
+    bearing = track.bearing(iteration.reference_ns, BEACON)
+    if bearing is None:
+        return None
+    true_azimuth, true_polar = bearing
+    uav, beacon = track.places_m(iteration.reference_ns, BEACON)
     estimate = iteration.estimate
     error_deg = None
     if estimate is not None:
@@ -146,8 +149,3 @@ def _row(iteration: LoggedIteration, run: DemoRun) -> Row:
         uav_m=(ux, uy, uz),
         beacon_m=(bx, by, bz),
     )
-
-
-def _at(t_ns: int, truths: list[WorldTruth], positions: list[tuple[float, float, float]]) -> npt.NDArray[np.float64]:
-    times, values = [t.t_mono_ns for t in truths], np.array(positions)
-    return np.array([np.interp(t_ns, times, values[:, axis]) for axis in range(3)])
