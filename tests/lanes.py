@@ -31,6 +31,7 @@ _PYTEST: Final = (sys.executable, "-m", "pytest")
 _NICE: Final = ("nice", "-n", "19")
 _KERNELS: Final = "kernels"
 _INTERRUPTED: Final = 130
+_INTERRUPTS: Final = (signal.SIGINT, signal.SIGTERM)
 _TESTS_FAILED: Final = 1
 _END_S: Final = 20.0
 
@@ -133,18 +134,28 @@ def _passes_alone(lane: Lane) -> bool:
 
 
 def _start_all(chosen: list[Lane], running: dict[int, tuple[Lane, subprocess.Popen[bytes]]]) -> None:
-    """One by one into `running`, by process id, so that an interrupt finds those that have begun."""
+    """One by one into `running`, by process id. An interrupt waits while one begins, so that it finds all that have."""
     for lane in chosen:
-        process = _start(lane)
-        running[process.pid] = lane, process
+        signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
+        try:
+            process = _start(lane)
+            running[process.pid] = lane, process
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
 
 
 def _start(lane: Lane) -> subprocess.Popen[bytes]:
     with lane.output.open("wb") as output:
         return subprocess.Popen(
             lane.command, cwd=_ROOT, env=os.environ | lane.environment, stdin=subprocess.DEVNULL, stdout=output,
-            stderr=output, process_group=0, preexec_fn=die_with_parent,
+            stderr=output, process_group=0, preexec_fn=_begin,
         )  # fmt: skip
+
+
+def _begin() -> None:
+    """In the child, which inherits the mask."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
+    die_with_parent()
 
 
 def _end(processes: list[subprocess.Popen[bytes]]) -> None:
@@ -161,7 +172,7 @@ def _end(processes: list[subprocess.Popen[bytes]]) -> None:
 
 def main() -> None:
     # Set anew, since a shell has what it starts in the background ignore the one, and Python ends at the other.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _INTERRUPTS:
         signal.signal(number, signal.default_int_handler)
     sys.exit(run(lanes()))
 
