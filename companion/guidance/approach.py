@@ -22,7 +22,7 @@ _CIRCLE_M: Final = 0.35
 _LEAST_CIRCLE_M: Final = 1.0
 """and on the level not nearer than this: its height is known less well than its place, and from above it has no
 azimuth."""
-_SURE_WEAVE: Final = 0.45
+_SURE_WEAVE: Final = 0.3
 """The share of the weave that is left while the direction is sure."""
 _WEAVE_GAIN: Final = 1.3
 """The motion's filter takes this off the weave."""

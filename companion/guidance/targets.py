@@ -20,9 +20,11 @@ _KNOWN_STD_M: Final = 1.0
 """A place that is less sure than this keeps nothing at a distance: it may be anywhere,"""
 _LIKELY: Final = 0.5
 """and so may one that is less likely than all others together."""
+_SURE: Final = 0.75
+"""A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = 1.0
+_CONFIRMED: Final = 0.6
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
 
@@ -103,7 +105,7 @@ class Targets:
             math.atan2(north, east),
             math.hypot(east, north),
             target.range_std_m,
-            target.probability,
+            min(1.0, target.probability / _SURE),
             place[2] - p_local_enu_m[2],
         )
 
