@@ -25,9 +25,9 @@ _SHADOWING_DB: Final = 4.0
 """Deviation of e over an aperture; from one to the next it is another."""
 _LEAST_M: Final = 0.7
 """Antennas that are nearer than this hear each other by their patterns' nulls."""
-_GROUPED: Final = 0.5
+_GROUPED: Final = 1.0
 """Apertures' worth of packets that make one record,"""
-_MOST: Final = 48
+_MOST: Final = 32
 """and how many of the newest are kept."""
 
 
