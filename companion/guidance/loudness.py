@@ -1,9 +1,9 @@
 """Received power -> how likely places of the target are.
 
-Power falls with distance: P = c - 10 n log10(d) + e. What the cards and antennas make of it, c, is not known; the exponent
-n is nearly that of free space where the direct path is alone and smaller among echoes; e is shadowing. Both constants
-are integrated out, which leaves for each place how well a line through (log distance, power) explains the flight so far:
-the evidence of a Bayesian linear regression (Bishop, Pattern Recognition and Machine Learning, 3.5.1).
+Power falls with distance: P = c - 10 n log10(d) + e. What the cards and antennas make of it, c, is not known; the
+exponent n is nearly that of free space where the direct path is alone and smaller among echoes; e is shadowing. Both
+constants are integrated out, which leaves for each place how well a line through (log distance, power) explains the
+flight so far: the evidence of a Bayesian linear regression (Bishop, Pattern Recognition and Machine Learning, 3.5.1).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ _LINES: Final = 20
 _BELOW_GROUND_M: Final = (0.2, 0.25)
 """Targets stand on the ground the vehicle took off from, or above it: by so much below it they become unlikely."""
 _HEIGHT_M: Final = 2.0
-"""Before anything is seen a target that much higher is less likely by e: a ceiling mirrors one on the floor far above."""
+"""Before anything is seen a target that much higher is less likely by e: a ceiling mirrors one on the floor far up."""
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""

@@ -89,7 +89,7 @@ def test_near_is_what_new_packets_have_confirmed() -> None:
     assert targets.is_near((4.9, 0.0, 1.0))
     assert not targets.is_near((9.0, 0.0, 1.0))
     assert not targets.is_near((4.9, 0.0, 1.0))
-    for seen in range(4):
+    for seen in range(3):
         assert not targets.is_near((4.9, 0.0, 1.0)), seen
         targets.add(2, replace(_bearing((4.0, 1.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
     assert targets.is_near((4.9, 0.0, 1.0))

@@ -40,7 +40,8 @@ def test_both_ends_hear_each_other_so_much_more_softly() -> None:
     expected = [
         20 * np.log10(float(Shadowing(clear.seed, 4.0).gain(uav.p_enu_m[[k]], beacon.p_enu_m[[k]])[0])) for k in (0, -1)
     ]
-    for before, after in zip(simulate_exchanges(clear, uav, beacon), simulate_exchanges(shaded, uav, beacon), strict=True):
+    heard, faint = (simulate_exchanges(world, uav, beacon) for world in (clear, shaded))
+    for before, after in zip(heard, faint, strict=True):
         powers = [[total_rss_dbm(r.rssi, r.agc) for r in side] for side in (before, after)]
         lost = np.subtract(powers[1], powers[0])
         assert [lost[:5].mean(), lost[-5:].mean()] == pytest.approx(expected, abs=0.7)
