@@ -19,10 +19,10 @@ _PULL_PER_S: Final = 0.8
 """How much of its distance from the path a vehicle that is led by velocities is led back in a second."""
 _CIRCLE_M: Final = 0.35
 """On the circle around a target it is so much farther than the least distance from it,"""
-_LEAST_CIRCLE_M: Final = 1.0
+_LEAST_CIRCLE_M: Final = 0.8
 """and on the level not nearer than this: its height is known less well than its place, and from above it has no
 azimuth."""
-_SURE_WEAVE: Final = 0.45
+_SURE_WEAVE: Final = 0.3
 """The share of the weave that is left while the direction is sure."""
 _WEAVE_GAIN: Final = 1.3
 """The motion's filter takes this off the weave."""

@@ -9,7 +9,7 @@ from typing import Final
 from companion.core.messages import Vector3
 from companion.safety.gate import GateLimits
 
-_RADIAL_PER_S: Final = 0.6
+_RADIAL_PER_S: Final = 0.9
 """Metres too far from the circle around the target to m/s."""
 _HEIGHT_PER_S: Final = 0.5
 _FENCE_MARGIN_M: Final = 0.6

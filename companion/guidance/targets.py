@@ -20,9 +20,11 @@ _KNOWN_STD_M: Final = 1.0
 """A place that is less sure than this keeps nothing at a distance: it may be anywhere,"""
 _LIKELY: Final = 0.5
 """and so may one that is less likely than all others together."""
+_SURE: Final = 0.75
+"""A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = 1.0
+_CONFIRMED: Final = 0.6
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
 
@@ -44,8 +46,8 @@ class Targets:
         """The likeliest source on that condition, where the likeliest of all cannot be flown to."""
         self._arrival_range_m = arrival_range_m
         self._arrival_confidence = arrival_confidence
-        self._near = 0.0
-        """Apertures' worth of new packets for which the target has seemed near."""
+        self._near = self._new = 0.0
+        """Apertures' worth of new packets for which the target has seemed near; and those not looked at yet."""
         self._nearer_m: Vector3 | None = None
         """Another source that the target must be, if it is there: what is likeliest is then an image of it."""
         self._neighbours = neighbours
@@ -55,7 +57,8 @@ class Targets:
 
     def forget(self) -> None:
         self._trackers.clear()
-        self._near, self._nearer_m, self._instead = 0.0, None, None
+        self._near = self._new = 0.0
+        self._nearer_m = self._instead = None
         self._inside = TargetTracker(self._reach)
         self._found.clear()
 
@@ -78,9 +81,7 @@ class Targets:
             inside = self._inside.add(bearing, ground_m)
             can_be_flown_to = self._reach(np.array([found.place(bearing.target_p_enu_m)]))[0]
             self._instead = None if can_be_flown_to else inside
-            near = tracker.within(bearing.p_local_enu_m, bearing.target_p_enu_m, self._arrival_range_m)
-            is_near = near >= self._arrival_confidence and self._nearer_m is None
-            self._near = self._near + bearing.fresh if is_near else 0.0
+            self._new += bearing.fresh
         return found
 
     @property
@@ -103,15 +104,20 @@ class Targets:
             math.atan2(north, east),
             math.hypot(east, north),
             target.range_std_m,
-            target.probability,
+            min(1.0, target.probability / _SURE),
             place[2] - p_local_enu_m[2],
         )
 
     def is_near(self, p_local_enu_m: Vector3) -> bool:
-        """Whether the target, where its newest datagram says it has come to, is within the range of arrival: surely,
-        and for as long as it takes to see that with new packets."""
-        newest = self._neighbours[self._target].newest_pose() if self._near >= _CONFIRMED else None
-        if newest is None or newest[0] != self._found[self._target].boot:
+        """Each tick: whether the target, where its newest datagram says it has come to, is within the range of arrival:
+        surely, and for as long as it takes to see that with new packets."""
+        new, self._new = self._new, 0.0
+        self._near = self._near + new if self._seems_near(p_local_enu_m) else 0.0
+        return self._near >= _CONFIRMED
+
+    def _seems_near(self, p_local_enu_m: Vector3) -> bool:
+        newest = self._neighbours[self._target].newest_pose() if self._target in self._found else None
+        if newest is None or newest[0] != self._found[self._target].boot or self._nearer_m is not None:
             return False
         near = self._trackers[self._target].within(p_local_enu_m, newest[1], self._arrival_range_m)
         return near >= self._arrival_confidence

@@ -9,6 +9,7 @@ seem nearer than it is. The model is in docs/guidance.md.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from companion.core.messages import Vector3
 from companion.guidance.likelihood import likelihood
+from companion.guidance.loudness import Loudness
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.records import Bearing
 from wsr.aoa import Matrix3
@@ -34,15 +36,23 @@ _REACH_M: Final = (0.5, 40.0)
 _SPREAD_RAD: Final = math.radians(10.0)
 _DRIFT: Final = 0.03
 """Of the way both robots have gone: by so much their poses part from the truth."""
+_DRIFT_ALIKE_M: Final = 5.0
+"""Over so much of a way it is the same drift."""
 _WALK_M_SQRT_S: Final = 0.02
-_HEADING_STD_RAD: Final = math.radians(5.0)
+_HEADING_STD_RAD: Final = math.radians(7.0)
 """By how much the bearings of one flight are turned together: the tracker's North is known no better."""
 _ELEVATION_STD_RAD: Final = math.radians(12.0)
 """By how much floor and ceiling, which mirror the target above and below itself, pull all bearings of one place."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
+_CROSSING: Final = 0.3
+"""Of new particles: where the new bearing crosses one before, give or take"""
+_CROSSED_STD: Final = 0.2
+_LINES: Final = 20
 _BELOW_GROUND_M: Final = (0.2, 0.25)
 """Targets stand on the ground the vehicle took off from, or above it: by so much below it they become unlikely."""
+_HEIGHT_M: Final = 2.0
+"""Before anything is seen a target that much higher is less likely by e: a ceiling mirrors one on the floor far up."""
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
@@ -107,6 +117,11 @@ class TargetTracker:
         self._heading_rad = np.zeros(0)
         self._elevation_rad = np.zeros(0)
         self._log_weight = np.zeros(0)
+        self._lines = deque[tuple[_Floats, _Floats]](maxlen=_LINES)
+        """Place and direction of the newest bearings."""
+        self._loudness = Loudness()
+        self._told = np.zeros(0)
+        """What received powers have already said of each particle."""
         self._newest: Bearing | None = None
         self._target: Target | None = None
         self._witnesses: Witnesses | None = None
@@ -116,16 +131,22 @@ class TargetTracker:
         target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
             self._witnesses = Witnesses(_place(bearing))
+            self._lines.clear()
+            self._loudness = Loudness()
+            self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
+            self._told = np.zeros(_PARTICLES)
             self._origins_m = self._drawn(bearing, _PARTICLES)
             self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
             self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
-            self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+            self._log_weight = -self._height_m(self._origins_m, bearing, ground_m).clip(0.0) / _HEIGHT_M
             self._keep_possible(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
             self._weigh(bearing, ground_m)
-            self._bear(bearing)
+            self._listen(bearing)
+            self._bear(bearing, ground_m)
         self._newest = bearing
+        self._lines.append((_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad)))
         self._note(bearing)
         self._resample()
         self._target = self._found()
@@ -138,6 +159,8 @@ class TargetTracker:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
             self._target = self._found()
+        self._lines = deque(((place_m + delta_enu_m, along) for place_m, along in self._lines), _LINES)
+        self._loudness.shift(np.array(delta_enu_m))
         if self._witnesses is not None:
             self._witnesses.shift(np.array(delta_enu_m))
 
@@ -228,13 +251,30 @@ class TargetTracker:
         evenly = self._rng.uniform(size=count) < _SPREAD_EVENLY
         range_m = np.where(evenly, self._rng.uniform(*_REACH_M, count), np.exp(self._rng.uniform(low, high, count)))
         units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+        range_m = np.where(self._rng.uniform(size=count) < _CROSSING, self._crossed_m(_place(bearing), units), range_m)
         return np.asarray(_place(bearing) + range_m[:, None] * units)
+
+    def _crossed_m(self, place_m: _Floats, units: _Floats) -> _Floats:
+        """(N,) ranges from a place along directions (N, 3) to where each passes one of the bearings before; NaN-free:
+        where the two are nearly parallel, at any range."""
+        count = len(units)
+        anywhere = np.exp(self._rng.uniform(math.log(_REACH_M[0]), math.log(_REACH_M[1]), count))
+        if not self._lines:
+            return anywhere
+        which = self._rng.integers(len(self._lines), size=count)
+        from_m, along = (np.array([line[k] for line in self._lines])[which] for k in (0, 1))
+        apart_m = place_m - from_m
+        cosine, own, other = ((a * b).sum(axis=1) for a, b in ((units, along), (units, apart_m), (along, apart_m)))
+        range_m = (cosine * other - own) / np.maximum(1.0 - cosine**2, 1e-9)
+        range_m *= np.exp(self._rng.normal(0.0, _CROSSED_STD, count))
+        crosses = (np.abs(cosine) < math.cos(_SPREAD_RAD)) & (range_m > _REACH_M[0]) & (range_m < _REACH_M[1])
+        return np.where(crosses, range_m, anywhere)
 
     def _wander(self, before: Bearing, bearing: Bearing) -> None:
         elapsed_s = max(0.0, bearing.t_mono_ns - before.t_mono_ns) / 1e9
         gone_m = math.dist(before.p_local_enu_m, bearing.p_local_enu_m)
         gone_m += math.dist(before.target_p_enu_m, bearing.target_p_enu_m)
-        std_m = math.hypot(_DRIFT * gone_m, _WALK_M_SQRT_S * math.sqrt(elapsed_s))
+        std_m = math.hypot(_DRIFT * math.sqrt(_DRIFT_ALIKE_M * gone_m), _WALK_M_SQRT_S * math.sqrt(elapsed_s))
         self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
 
     def _weigh(self, bearing: Bearing, ground_m: float) -> None:
@@ -243,22 +283,36 @@ class TargetTracker:
         self._log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned_m))
         self._keep_possible(bearing, ground_m)
 
+    def _listen(self, bearing: Bearing) -> None:
+        """What all powers say of a particle, in the place of what fewer said."""
+        self._loudness.add(_place(bearing), bearing.power_dbm, bearing.fresh)
+        told = self._loudness.evidence(self._origins_m)
+        self._log_weight = _normalised(self._log_weight + told - self._told)
+        self._told = told
+
+    def _height_m(self, origins_m: _Floats, bearing: Bearing, ground_m: float) -> _Floats:
+        """(N,) of targets above the ground; 0 where that is not known."""
+        height_m = origins_m[:, 2] + bearing.target_p_enu_m[2] - ground_m
+        return height_m if math.isfinite(ground_m) else np.zeros(len(origins_m))
+
     def _keep_possible(self, bearing: Bearing, ground_m: float) -> None:
-        height_m = self._origins_m[:, 2] + bearing.target_p_enu_m[2] - ground_m
+        height_m = self._height_m(self._origins_m, bearing, ground_m)
         margin_m, scale_m = _BELOW_GROUND_M
         log_weight = self._log_weight - bearing.fresh * np.maximum(0.0, -(height_m + margin_m) / scale_m)
         if self._allowed is not None:
             places_m = self._origins_m + np.array(bearing.target_p_enu_m)
             log_weight = np.where(self._allowed(places_m), log_weight, log_weight - _EXCLUDED)
-        log_weight -= log_weight.max()
-        self._log_weight = log_weight - math.log(float(np.exp(log_weight).sum()))
+        self._log_weight = _normalised(log_weight)
 
-    def _bear(self, bearing: Bearing) -> None:
+    def _bear(self, bearing: Bearing, ground_m: float) -> None:
         """The lightest particles die for new ones."""
         count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
         lightest = np.argpartition(self._log_weight, count)[:count]
         self._origins_m[lightest] = self._drawn(bearing, count)
-        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(0.1)
+        unlikely = self._height_m(self._origins_m[lightest], bearing, ground_m).clip(0.0) / _HEIGHT_M
+        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(0.1) - unlikely
+        # As good as the others are on the average, until the next power is heard.
+        self._told[lightest] = np.exp(self._log_weight) @ self._told
         self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
 
     def _resample(self) -> None:
@@ -268,6 +322,7 @@ class TargetTracker:
         chosen = self._systematic(weight / weight.sum(), _PARTICLES)
         assert self._newest is not None
         here_m = _place(self._newest)
+        self._told = self._told[chosen]
         offsets_m = self._origins_m[chosen] - here_m
         # Twins part: by a little in range, by less across.
         offsets_m *= np.exp(self._rng.normal(0.0, 0.03, _PARTICLES))[:, None]
@@ -299,6 +354,11 @@ def _turned(offsets_m: _Floats, heading_rad: _Floats, elevation_rad: _Floats) ->
     polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + elevation_rad, 0.0, math.pi)
     flat_m = range_m * np.sin(polar)
     return np.stack([flat_m * np.cos(azimuth), flat_m * np.sin(azimuth), range_m * np.cos(polar)], axis=1)
+
+
+def _normalised(log_weight: _Floats) -> _Floats:
+    log_weight = log_weight - log_weight.max()
+    return np.asarray(log_weight - math.log(float(np.exp(log_weight).sum())))
 
 
 def _moments(points_m: _Floats, weight: _Floats) -> tuple[_Floats, _Floats]:

@@ -64,6 +64,7 @@ class Iteration:
             range_std_m=estimate.range_std_m,
             others=estimate.paths[1:],
             fresh=self.fresh,
+            power_dbm=self.power_dbm,
         )
 
 
@@ -112,3 +113,5 @@ class Bearing:
     """Other paths the aperture found."""
     fresh: float = 1.0
     """The share of its packets that no bearing before had."""
+    power_dbm: float = math.nan
+    """Mean power of the packets received."""

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from companion.sim.draws import ExchangeDraws, exchange_draws
 from companion.sim.propagation import SUBCARRIER_INDICES, SUBCARRIER_STEP_HZ, carrier_hz, propagate
 from companion.sim.scenario import RobotScenario, Scenario
+from companion.sim.shadowing import Shadowing
 from companion.sim.trajectory import Array, Trajectory
 from csi_bridge.records import CsiRecord
 
@@ -90,6 +91,7 @@ class RadioLink:
             self._uav.transmit_phase * self._beacon.gains,
             self._beacon.transmit_phase * self._uav.gains,
         )
+        self._shadowing = Shadowing(scenario.seed, scenario.radio.shadowing_db)
         self._constant = 10 ** (scenario.radio.tx_power_dbm / 20) * np.array(phases)
 
     @property
@@ -131,6 +133,8 @@ class RadioLink:
             np.concatenate([ends_m[1][0], ends_m[0][1]]),
             radio,
         )
+        if radio.shadowing_db:
+            channel *= np.tile(self._shadowing.gain(ends_m[0][0, :, 0], ends_m[1][0, :, 0]), 2)[:, None, None]
         delay_s = radio.detection_delay_s + radio.detection_delay_std_s * draws.normals[:, 1:3].T
         turns = self._df_hz * np.array([[1.0], [-1.0]]) * t_s
         phase = turns[..., None] - SUBCARRIER_STEP_HZ * SUBCARRIER_INDICES * delay_s[..., None]

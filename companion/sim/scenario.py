@@ -54,6 +54,8 @@ class RadioScenario:
     """Thermal noise in 20 MHz with the receiver's noise figure."""
     direct_gain: Fraction = 1.0
     """Amplitude of the direct path against free space; below 1 something stands in the way."""
+    shadowing_db: NotNegative = 0.0
+    """Deviation of a loss that varies slowly with the places of both robots."""
     reflectors: tuple[Reflector, ...] = (
         Reflector(normal=(0.0, 0.0, 1.0), offset_m=0.0, gain=0.3, phase_rad=3.1),
         Reflector(normal=(0.0, 1.0, 0.0), offset_m=-22.0, gain=0.35, phase_rad=2.6),

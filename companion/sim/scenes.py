@@ -29,6 +29,7 @@ FLIGHT_HEIGHT_M: Final = 1.5
 _SCENE_STREAM: Final = 5
 _WITHIN_M: Final = 0.7
 """A fence is set this far within the walls."""
+_SHADOWING_DB: Final = 3.0
 _UP: Final[Vector3] = (0.0, 0.0, 1.0)
 _HALL_GAIN: Final = (0.1, 0.3)
 _HALL_BEYOND_M: Final = (6.0, 12.0)
@@ -127,6 +128,7 @@ def set_in(base: Scenario, name: str) -> Scenario:
         reflectors=room.reflectors,
         reflection_order=room.reflection_order,
         scatterers=room.scatterers,
+        shadowing_db=_SHADOWING_DB,
     )
     frame_yaw_rad = base.uav.frame_yaw_rad + sign * scene.north_error_rad
     return replace(driving, radio=radio, vio=_vio(base.vio, scene), uav=replace(base.uav, frame_yaw_rad=frame_yaw_rad))

@@ -26,8 +26,8 @@ from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
-_PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=3")
-"""What the preflight requires; PX4's own defaults are others."""
+_PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=2")
+"""What the preflight requires; PX4's own defaults are others. The lowest ceiling of the scenes is at 3.5 m."""
 _GPS_DENIED: Final = ("SYS_HAS_GPS=0", "EKF2_GPS_CTRL=0", "EKF2_HGT_REF=3", "EKF2_EV_CTRL=11")
 _VIO_HZ: Final = 50.0
 _ROBOTS: Final = 2

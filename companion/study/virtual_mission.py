@@ -21,6 +21,7 @@ from companion.config.schema import AutopilotConfig, Config, CsiConfig, MissionC
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Vector3
+from companion.flight.course import AT_REST
 from companion.flight.loop import Flight
 from companion.guidance.tracker import Target
 from companion.mission.table import State
@@ -57,6 +58,8 @@ _KEY = bytes(wire.MIN_KEY_BYTES)
 _BOOT_ID = 1
 _START_NS = 5 * NS_PER_S  # apertures and cameras want some past
 _BATCH_S = 0.2
+_ENGAGING_NS = 10 * NS_PER_S
+"""A mission that is still refused then does not begin: what is missing at first comes with the first datagrams."""
 LEVER_M: Vector3 = (0.06, 0.03, -0.05)
 BEACON_LEVER_M: Vector3 = (0.0, 0.0, 0.5)
 CRASHED = "crashed"
@@ -190,7 +193,7 @@ class _World:
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
         self._truth: list[tuple[float, Vector3, Vector3]] = []
-        self._crashed = False
+        self._begun = self._crashed = False
         self._moving_from_s = math.inf
 
     def live(self, now_ns: int) -> bool:
@@ -231,7 +234,9 @@ class _World:
         self._iterations.append((iteration, None if self._target is before else self._target))
 
     def _is_over(self, now_ns: int) -> bool:
-        over = self._crashed or (now_ns > _START_NS + 2 * NS_PER_S and self.flight.state in _OVER)
+        has_begun = now_ns > _START_NS + _ENGAGING_NS or self.flight.state not in AT_REST
+        self._begun |= has_begun
+        over = self._crashed or (self._begun and self.flight.state in _OVER)
         if (over or now_ns >= self._end_ns) and self._step_s > self._batch_s:
             self._note_truth(self._step_s, *self._trajectories(self._batch_s, self._step_s))
         return over or now_ns >= self._end_ns
