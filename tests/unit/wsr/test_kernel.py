@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.oracle import bartlett_profile_oracle
 from tests.unit.wsr.scene import WAVELENGTH_M, far, round_trip, weave
 from wsr import kernel
 from wsr.errors import ApertureError
 from wsr.geometry import direction
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile, bartlett_profile_oracle
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
 
 
 def test_grid_is_one_degree_and_off_the_poles() -> None:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.refinement import refine_peak
 from tests.unit.wsr.scene import WAVELENGTH_M, circle, far, round_trip, weave
 from wsr.crb import crb, fim
 from wsr.geometry import direction, great_circle, wrap_angle
-from wsr.peaks import refine_peak
 
 AZIMUTH, POLAR = 0.8, 1.1
 

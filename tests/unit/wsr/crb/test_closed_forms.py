@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from tests.unit.wsr.crb import closed_forms
 from tests.unit.wsr.scene import WAVELENGTH_M
-from wsr.crb import Phase, closed_forms, fim
+from wsr.crb import Phase, fim
 from wsr.geometry import direction
 
 _GRID = np.meshgrid(np.arange(-170, 180, 31), np.arange(3, 180, 28))
