@@ -13,11 +13,11 @@ from companion.sim.radio import simulate_exchanges
 from companion.sim.scenario import RadioScenario
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.channel import thinned
-from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records
+from tests.feit_encoder import encode_record
 from tests.leg_scene import Scene, mac
 from tests.manual_clock import ManualClock
 from tests.sim_scenes import BEACON_MAC

@@ -14,10 +14,10 @@ from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sensing.window import SarWindow
 from csi_bridge.encoder import encode_body
-from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records
+from tests.feit_encoder import encode_record
 from tests.leg_scene import KEY, LEVER_M, Scene, poses_of
 from tests.manual_clock import ManualClock
 from wsr.channel import wavelength_m
