@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 import pytest
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.feitcsi.log import FeitLog, parse_log
 from csi_bridge.feitcsi.rate import Format, Rate
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.feitcsi.tones import tones
-from tests.feit_encoder import encode_record
 from tests.paths import DATA
 
 CAPTURES: Final = DATA / "feitcsi"

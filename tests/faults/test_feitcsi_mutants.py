@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import random
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.feitcsi.message import decode_event, encode_event
 from csi_bridge.feitcsi.parser import FeitLogParser, parse_record
 from csi_bridge.feitcsi.rate import Format
 from csi_bridge.records import CsiError
 from tests.faults.campaigns import mutants, runs
 from tests.faults.figures import record as note
-from tests.feit_encoder import encode_record
 from tests.feit_records import record
 from tests.mutation import mutant
 

@@ -9,6 +9,7 @@ import socket
 
 import pytest
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.feitcsi.message import encode_event
 from csi_bridge.feitcsi.netlink import (
     VendorEventFeeder,
@@ -24,7 +25,6 @@ from csi_bridge.netlink import NetlinkError
 from csi_bridge.source import CsiSource, SourceCounters
 from tests import feit_records
 from tests.faults import test_csi_netlink as suite
-from tests.feit_encoder import encode_record
 
 IDX = 19
 UNAVAILABLE = vendor_events_available(IDX)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.feitcsi.records import HEADER_BYTES
 from csi_bridge.replay import Tape, play, read_tape
 from tests.csi_bytes import changed, later
-from tests.feit_encoder import encode_record
 from tests.feit_records import record
 from tests.synthetic_run import RunFolder
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.connector import encode_message
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.records import FEITCSI_CODE
@@ -16,7 +17,6 @@ from csi_bridge.records import CSI_CODE
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixFeeder, UnixSocketError, UnixSource
 from tests import csi_records, feit_records
-from tests.feit_encoder import encode_record
 
 
 @dataclass(frozen=True)

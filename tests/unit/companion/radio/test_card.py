@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.feit_encoder import encode_record
 from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sim.radio import simulate_exchanges
@@ -17,7 +18,6 @@ from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records
-from tests.feit_encoder import encode_record
 from tests.leg_scene import Scene, mac
 from tests.manual_clock import ManualClock
 from tests.sim_scenes import BEACON_MAC

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.feit_encoder import encode_record
 from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.radio.card import ChannelSample, Radio
@@ -17,7 +18,6 @@ from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records
-from tests.feit_encoder import encode_record
 from tests.leg_scene import KEY, LEVER_M, Scene, poses_of
 from tests.manual_clock import ManualClock
 from wsr.channel import wavelength_m

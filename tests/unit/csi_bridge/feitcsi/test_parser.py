@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.encoder import EncodeError
 from csi_bridge.feitcsi.parser import FeitLogParser, parse_record
 from csi_bridge.feitcsi.rate import Format, Rate
 from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.records import CsiError
-from tests.feit_encoder import encode_record
 from tests.feit_records import rate_word, record, same, with_field
 from tests.mutation import mutant
 
