@@ -11,7 +11,7 @@ help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
 	@echo "make pictures  flies the demo and draws the README's pictures from it"
 	@echo "make test   checks and tests, side by side"
-	@echo "make test-long  tests that take longer than make test allows: every recording, not one of each set"
+	@echo "make test-long  tests that take longer than make test allows: every recording, not a few"
 	@echo "make faults long fault campaigns (an hour or more); figures in build/faults.json and docs/results/faults.md"
 	@echo "make mutants  mutation test of what may command the vehicle (MUTANTS='gate table' for some, ARGS=--survivors for the last ones again)"
 	@echo "make t265   the camera reader's own environment, where python3.10 is found"

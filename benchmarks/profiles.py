@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.oracle import bartlett_profile_oracle
 from benchmarks.scenes import WAVELENGTH_M, helix
+from benchmarks.sliding import SlidingProfile
 from benchmarks.timing import best_s
 from wsr.geometry import direction
 from wsr.kernel import bartlett_power
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile, bartlett_profile_oracle
-from wsr.sliding import SlidingProfile
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
 
 BATCH = 32
 _ATOM = "goldmont"  # the class of processor on an UP Squared: SSE4.2, no AVX

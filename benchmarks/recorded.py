@@ -14,7 +14,8 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.progress import Progress
 
-from companion.analysis.evaluation import LinkRow, evaluate_run_with
+from companion.analysis.bearings import analyze_run_with
+from companion.analysis.evaluation import LinkRow, rows_of
 from companion.analysis.result import Options
 from companion.analysis.runs import Run, find_runs
 from companion.analysis.trajectories import PoseKind
@@ -133,7 +134,7 @@ def missed(figures: Mapping[str, Cell]) -> list[tuple[str, str]]:
 
 def _rows(run: Run, kind: PoseKind, estimators: Sequence[Estimator], as_sent: bool) -> list[list[LinkRow]]:
     options = Options(kind=kind, as_sent=as_sent)
-    return [rows.links for rows in evaluate_run_with(run, options, estimators)]
+    return [rows_of(run, result).links for result in analyze_run_with(run, options, estimators)]
 
 
 def _place(folder: str) -> str:

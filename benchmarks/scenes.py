@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel, channel_frequency_hz, wavelength_m
+from wsr.channel import centre_channel, channel_frequency_hz, wavelength_m
 from wsr.geometry import direction
+from wsr.ofdm import INDICES_5300_20MHZ, UNIT_HZ
 
 Complex = npt.NDArray[np.complex128]
 
@@ -32,7 +33,7 @@ def helix(packets: int, planar: bool = False, range_m: float = 8.0, seed: int = 
     height = np.zeros(packets) if planar else 0.12 * np.cos(2 * np.pi * s)
     p_m = np.stack([0.9 * s, 0.12 * np.sin(2 * np.pi * s), height], axis=1)
     source = p_m.mean(axis=0) + range_m * direction(0.9, np.pi / 2 if planar else 1.8)
-    offset_hz = SUBCARRIERS_20MHZ * SUBCARRIER_SPACING_HZ
+    offset_hz = INDICES_5300_20MHZ * UNIT_HZ
     delay_s = np.linalg.norm(source - p_m, axis=1)[:, None] / _C_M_S
     channel = np.exp(-2j * np.pi * (channel_frequency_hz(CHANNEL) + offset_hz) * delay_s)
     t_s = 3.0 * s

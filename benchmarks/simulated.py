@@ -18,15 +18,16 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.document import SIMULATED, replace_part
+from benchmarks.far_field import FarField
 from benchmarks.scenes import WAVELENGTH_M
 from wsr.aoa import AoaEstimate, Estimator
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
+from wsr.channel import SPEED_OF_LIGHT_M_S, centre_channel
 from wsr.estimators.bartlett import Bartlett
-from wsr.estimators.far_field import FarField
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle
+from wsr.ofdm import INDICES_5300_20MHZ, UNIT_HZ
 from wsr.uncertainty import bound
 
 Array = npt.NDArray[np.float64]
@@ -128,12 +129,12 @@ def simulated(
     `level`: a source at the path's own height."""
     u = direction(rng.uniform(-np.pi, np.pi), np.pi / 2 if level else math.acos(rng.uniform(-0.8, 0.8)))
     source = path_m.mean(axis=0) + range_m * u
-    indices = SUBCARRIERS_20MHZ if wideband else np.zeros(1)
-    frequency_hz = SPEED_OF_LIGHT_M_S / WAVELENGTH_M + SUBCARRIER_SPACING_HZ * indices
+    indices = INDICES_5300_20MHZ if wideband else np.zeros(1)
+    frequency_hz = SPEED_OF_LIGHT_M_S / WAVELENGTH_M + UNIT_HZ * indices
     distance_m = np.linalg.norm(source - path_m, axis=1)
     channel = np.exp(-2j * np.pi * np.outer(distance_m, frequency_hz) / SPEED_OF_LIGHT_M_S)
     turn = np.exp(1j * rng.uniform(-np.pi, np.pi, (len(path_m), 1)))
-    turn = turn * np.exp(-2j * np.pi * rng.uniform(0, 1e-7, (len(path_m), 1)) * SUBCARRIER_SPACING_HZ * indices)
+    turn = turn * np.exp(-2j * np.pi * rng.uniform(0, 1e-7, (len(path_m), 1)) * UNIT_HZ * indices)
     noise = rng.normal(size=(4, *channel.shape)) * 10 ** (-snr_db / 20) / np.sqrt(2)
     forward = turn * (channel + noise[0] + 1j * noise[1])
     reverse = turn.conj() * (channel + noise[2] + 1j * noise[3])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import pytest
 
-from csi_bridge.feitcsi.encoder import encode_record
+from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.log import FeitLog, parse_log
 from csi_bridge.feitcsi.rate import Format, Rate
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.feitcsi.tones import tones
@@ -44,6 +47,14 @@ def record(
         header=rng.bytes(HEADER_BYTES),
     )
     return replace(original, header=encode_record(original)[:HEADER_BYTES])
+
+
+def write_log(path: Path, records: Iterable[FeitRecord]) -> None:
+    path.write_bytes(b"".join(encode_record(record) for record in records))
+
+
+def read_log(path: Path) -> FeitLog:
+    return parse_log(path.read_bytes(), path)
 
 
 def same(a: FeitRecord, b: FeitRecord) -> bool:

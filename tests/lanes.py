@@ -34,6 +34,8 @@ _INTERRUPTED: Final = 130
 _INTERRUPTS: Final = (signal.SIGINT, signal.SIGTERM)
 _TESTS_FAILED: Final = 1
 _END_S: Final = 20.0
+_BYTECODE: Final = {"PYTHONDONTWRITEBYTECODE": ""}
+"""Some machines have it set, and then every process compiles all modules and every worker rewrites all tests anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +130,7 @@ def _passes_alone(lane: Lane) -> bool:
     if not lane.alone:
         return False
     print(f"\n{lane.name}: what failed beside the other lanes, once more alone", flush=True)
-    passed = subprocess.run(lane.alone, cwd=_ROOT, env=os.environ | lane.environment, check=False).returncode == 0
+    passed = subprocess.run(lane.alone, cwd=_ROOT, env=_environment(lane), check=False).returncode == 0
     print(f"{lane.name:>10} {'passed alone' if passed else 'FAILED alone too'}", flush=True)
     return passed
 
@@ -147,9 +149,13 @@ def _start_all(chosen: list[Lane], running: dict[int, tuple[Lane, subprocess.Pop
 def _start(lane: Lane) -> subprocess.Popen[bytes]:
     with lane.output.open("wb") as output:
         return subprocess.Popen(
-            lane.command, cwd=_ROOT, env=os.environ | lane.environment, stdin=subprocess.DEVNULL, stdout=output,
+            lane.command, cwd=_ROOT, env=_environment(lane), stdin=subprocess.DEVNULL, stdout=output,
             stderr=output, process_group=0, preexec_fn=_begin,
         )  # fmt: skip
+
+
+def _environment(lane: Lane) -> dict[str, str]:
+    return os.environ | _BYTECODE | dict(lane.environment)
 
 
 def _begin() -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import heapq
+import math
 import socket
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,6 +56,10 @@ _STILL_NS: Final = 20_000_000
 _TURNS: Final = 4
 
 
+_Counted = dict[str, dict[int, float]]
+"""By sender, when each of its counted frames was heard."""
+
+
 class Timeline:
     """Time that somebody else moves on, and who waits for it."""
 
@@ -62,6 +67,11 @@ class Timeline:
         self.now_ns = 0
         self._sleepers: list[tuple[int, int, asyncio.Future[None]]] = []
         self._number = 0
+
+    @property
+    def next_ns(self) -> float:
+        """When the first of them wants to be woken."""
+        return self._sleepers[0][0] if self._sleepers else math.inf
 
     async def sleep_until_ns(self, deadline_ns: int) -> None:
         self._number += 1
@@ -154,6 +164,13 @@ class _Robot:
             self.feeder.send(code, body)
         self.next_record = max(self.next_record, last)
 
+    @property
+    def due_ns(self) -> float:
+        """When its next record is."""
+        if self.next_record == len(self.tape.t_s):
+            return math.inf
+        return (float(self.tape.t_s[self.next_record]) - self.play_from_s) / (1 + self.clock.drift) * NS_PER_S
+
     def send_pose(self, t_ns: int, p_m: tuple[float, float, float]) -> None:
         raw = pose_wire.RawPose(t_ns, p_m, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, pose_wire.PoseFrame.ENU)
         self.pose_socket.sendto(pose_wire.encode(raw), str(self.config.path(self.config.pose.socket)))
@@ -243,7 +260,10 @@ async def _play(timeline: Timeline, robots: list[_Robot], trajectory: RecordedTr
     keep = np.isfinite(trajectory.p_enu_m).all(axis=1)
     pose_s, pose_m = trajectory.t_s[keep] - uav.play_from_s, trajectory.p_enu_m[keep]
     next_pose = int(np.searchsorted(pose_s, 0.0, "right"))
+    due_ns = 0.0
     for now_ns in range(0, round(duration_s * NS_PER_S), _STEP_NS):
+        if now_ns < due_ns - _STEP_NS:
+            continue  # nothing happens
         last = int(np.searchsorted(pose_s, now_ns / NS_PER_S, "right"))
         for number in range(next_pose, last):
             x, y, z = pose_m[number].tolist()
@@ -257,6 +277,9 @@ async def _play(timeline: Timeline, robots: list[_Robot], trajectory: RecordedTr
             if robot is not uav and now_ns % _STILL_NS == 0:
                 robot.send_pose(robot.clock.now_ns(), (0.0, 0.0, 0.0))
         await timeline.advance(now_ns)
+        pose_ns = pose_s[next_pose] * NS_PER_S if next_pose < len(pose_s) else math.inf
+        still_ns = (now_ns // _STILL_NS + 1) * _STILL_NS
+        due_ns = min(still_ns, pose_ns, timeline.next_ns, *(robot.due_ns for robot in robots))
 
 
 def _robots(
@@ -275,6 +298,7 @@ def _robots(
     port = free_udp_port("127.255.255.255")
     ids = {name: number for number, name in enumerate(macs, 2)}
     start_s = float(rx.t_s[0]) - 0.05
+    heard = _counted(rx)
     robots = []
     for name in ("rx", *ids):
         place = folder / name
@@ -306,7 +330,11 @@ def _robots(
             pose=PoseConfig(),
             autopilot=AutopilotConfig("udpin://127.0.0.1:1") if name == "rx" else None,
         )
-        offset_s, drift = (0.0, 0.0) if name == "rx" else clock_line(rx, tapes[name], macs[name], rx_mac)
+        offset_s, drift = (
+            (0.0, 0.0)
+            if name == "rx"
+            else clock_line(heard, _counted(tapes[name]), macs[name], rx_mac, float(rx.t_s[0]))
+        )
         feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
         # The recorded clocks set those of the beacons; a tape plays when the air carried it.
         clock = RobotClock(timeline, _ZERO_S + offset_s, drift)
@@ -315,25 +343,24 @@ def _robots(
     return robots
 
 
-def clock_line(rx: Tape, tx: Tape, mac: str, rx_mac: str) -> tuple[float, float]:
-    """Wall clock of the transmitter's recording less that of the receiver's at the start of `rx`, and its drift, from
-    the counters both logs share; zeros where they have none, since such recordings agree."""
-    ours, theirs = _counted(rx, mac), _counted(tx, rx_mac)
+def clock_line(rx: _Counted, tx: _Counted, mac: str, rx_mac: str, start_s: float) -> tuple[float, float]:
+    """Wall clock of the transmitter's recording less that of the receiver's at `start_s`, and its drift, from the
+    counters both logs share; zeros where they have none, since such recordings agree."""
+    ours, theirs = rx.get(mac, {}), tx.get(rx_mac, {})
     common = sorted(ours.keys() & theirs.keys() - {-1})
     if len(common) < 20:
         return 0.0, 0.0
-    since_s = np.array([ours[frame] for frame in common]) - rx.t_s[0]
+    since_s = np.array([ours[frame] for frame in common]) - start_s
     parts = np.array_split(np.stack([since_s, np.array([theirs[frame] - ours[frame] for frame in common])]), 8, axis=1)
     t_s, apart_s = np.array([np.median(part, axis=1) for part in parts]).T
     drift, offset_s = np.polyfit(t_s, apart_s, 1)
     return float(offset_s), float(drift)
 
 
-def _counted(tape: Tape, mac: str) -> dict[int, float]:
-    wanted = bytes.fromhex(mac.replace(":", ""))
-    found = {}
+def _counted(tape: Tape) -> _Counted:
+    found: _Counted = {}
     for (code, body), t_s in zip(tape.records, tape.t_s.tolist(), strict=True):
         record = parse_body(code, body)
-        if isinstance(record, CsiRecord) and record.mac == wanted and record.frame_count is not None:
-            found[record.frame_count] = t_s
+        if isinstance(record, CsiRecord) and record.mac is not None and record.frame_count is not None:
+            found.setdefault(record.mac.hex(":").upper(), {})[record.frame_count] = t_s
     return found

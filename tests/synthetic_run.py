@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from csi_bridge.records import CsiRecord
 from tests.csi_records import log_of
-from wsr.channel import SUBCARRIERS_20MHZ, wavelength_m
+from wsr.channel import wavelength_m
+from wsr.ofdm import INDICES_5300_20MHZ
 
 STAMP = "2026-01-02_030405"
 RX_MAC = "00:21:6A:53:89:D2"
@@ -96,7 +97,7 @@ def _record(
     rng: np.random.Generator,
     clock_s: float = 0.0,
 ) -> CsiRecord:
-    delay = np.exp(1j * rng.uniform(-0.3, 0.3) * SUBCARRIERS_20MHZ)
+    delay = np.exp(1j * rng.uniform(-0.3, 0.3) * INDICES_5300_20MHZ)
     csi = np.zeros((30, 3, 1), np.complex128)
     # Antenna B has the signal, the others a count of noise.
     csi[:, 1, 0] = 50 * channel * delay

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wsr.ofdm import GRID_5300, INDICES_5300_20MHZ, UNIT_HZ, Grid, known
+from wsr.ofdm import GRID_5300, Grid, known
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
-SUBCARRIER_SPACING_HZ = UNIT_HZ
-SUBCARRIERS_20MHZ: NDArray[np.int64] = INDICES_5300_20MHZ
 CHANNELS_5GHZ = frozenset((*range(36, 65, 4), *range(100, 145, 4), *range(149, 178, 4)))
 """Numbers of the 20 MHz channels at 5 GHz."""
 _CENTRES_WIDE = frozenset(

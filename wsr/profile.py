@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.errors import ApertureError
-from wsr.geometry import direction
 from wsr.kernel import bartlett_power, grid
 
 AZIMUTH_RAD, POLAR_RAD = grid()
@@ -38,19 +37,6 @@ def bartlett_profile(chi_m: NDArray[np.float64], channel: NDArray[np.complex128]
     scale = _amplitude_sum(chi_m, channel)
     # Scaled first: products of raw CSI squared and summed would leave the range in which float32 is exact enough.
     power = bartlett_power(chi_m * (2.0 / wavelength_m), channel / scale)
-    return Profile(power, AZIMUTH_RAD, POLAR_RAD)
-
-
-def bartlett_profile_oracle(
-    chi_m: NDArray[np.float64], channel: NDArray[np.complex128], wavelength_m: float
-) -> Profile:
-    """The same by the defining sum in complex128, row by row: slow, and what the kernel is tested against."""
-    scale = _amplitude_sum(chi_m, channel)
-    wavenumber = 4 * np.pi / wavelength_m
-    power = np.empty((POLAR_RAD.size, AZIMUTH_RAD.size), np.float32)
-    for row, polar in enumerate(POLAR_RAD):
-        steering = np.exp(-1j * wavenumber * (direction(AZIMUTH_RAD, polar) @ chi_m.T))
-        power[row] = np.abs(steering @ channel / scale) ** 2
     return Profile(power, AZIMUTH_RAD, POLAR_RAD)
 
 

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.analysis.bearings import analyze_run, analyze_run_with
+from companion.analysis.bearings import analyze_run
 from companion.analysis.result import NO_LEVER, LinkResult, Options, RunResult
 from companion.analysis.runs import Run
 from companion.core.messages import Vector3
-from wsr.aoa import Estimator
 from wsr.profile import profile_variance
 
 ALL = "all"
@@ -134,12 +133,7 @@ class Evaluation:
 
 def evaluate_run(run: Run, options: Options) -> RunRows:
     """The rows of one run. Pure but for reading its files, so runs can be shared out to processes."""
-    return _rows(run, analyze_run(run, options))
-
-
-def evaluate_run_with(run: Run, options: Options, estimators: Sequence[Estimator]) -> list[RunRows]:
-    """As `evaluate_run`, for each of `estimators`; the files are read once."""
-    return [_rows(run, result) for result in analyze_run_with(run, options, estimators)]
+    return rows_of(run, analyze_run(run, options))
 
 
 def evaluation(
@@ -239,9 +233,12 @@ def _figures(errors_deg: list[float]) -> Figures:
     )
 
 
-def _rows(run: Run, result: RunResult) -> RunRows:
-    """A link whose files are all there counts, whatever came of it. That its truth cannot be known is why it cannot be
-    evaluated before anything else."""
+def rows_of(run: Run, result: RunResult) -> RunRows:
+    """Of what was found in a run.
+
+    A link whose files are all there counts, whatever came of it. That its truth cannot be known is why it cannot be
+    evaluated before anything else.
+    """
     rows = [_row(run, link, result.truth_problem) for link in result.links]
     if result.failure is not None:
         reason = result.truth_problem or result.failure

@@ -21,10 +21,10 @@ from companion.autopilot.mavsdk_link import MavsdkLink
 from companion.autopilot.odometry import odometry_fields
 from companion.autopilot.port import AutopilotError, GaveWayError
 from companion.autopilot.reconnect import Backoff
+from companion.autopilot.setpoint import setpoint_fields
 from companion.autopilot.telemetry import Telemetry, parameter_field
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
-from wsr.frames import ned_of_enu, yaw_ned_from_enu
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,12 +49,8 @@ _CMD_REQUEST_MESSAGE: Final = 512
 _HEARTBEAT: Final = 0
 _AUTOPILOT_VERSION: Final = 148
 _MODE_FLAG_CUSTOM: Final = 1
-_FRAME_LOCAL_NED: Final = 1
 _PARAMETER_INT32: Final = 6
 _PARAMETER_REAL32: Final = 9
-_IGNORE_ACCELERATION_AND_YAW_RATE: Final = 64 | 128 | 256 | 2048
-_IGNORE_POSITION: Final = 1 | 2 | 4
-_IGNORE_YAW: Final = 1024
 _INTERVALS_US: Final = {
     32: 20_000,  # LOCAL_POSITION_NED
     30: 50_000,  # ATTITUDE
@@ -146,28 +142,7 @@ class MavsdkAutopilot:
         """Raises AutopilotError when the set point is not finite or the link is closed."""
         if not setpoint.is_finite():
             raise AutopilotError(f"set point {setpoint}: not finite; nothing was sent")
-        ignored = _IGNORE_ACCELERATION_AND_YAW_RATE
-        ignored |= _IGNORE_POSITION if setpoint.p_local_enu_m is None else 0
-        ignored |= _IGNORE_YAW if setpoint.yaw_enu_rad is None else 0
-        x, y, z = ned_of_enu(*(setpoint.p_local_enu_m or (0.0, 0.0, 0.0)))
-        vx, vy, vz = ned_of_enu(*setpoint.v_local_enu_m_s)
-        self._link.send_addressed(
-            "SET_POSITION_TARGET_LOCAL_NED",
-            time_boot_ms=setpoint.t_mono_ns // 1_000_000 & 0xFFFFFFFF,
-            coordinate_frame=_FRAME_LOCAL_NED,
-            type_mask=ignored,
-            x=x,
-            y=y,
-            z=z,
-            vx=vx,
-            vy=vy,
-            vz=vz,
-            afx=0.0,
-            afy=0.0,
-            afz=0.0,
-            yaw=0.0 if setpoint.yaw_enu_rad is None else yaw_ned_from_enu(setpoint.yaw_enu_rad),
-            yaw_rate=0.0,
-        )
+        self._link.send_addressed("SET_POSITION_TARGET_LOCAL_NED", **setpoint_fields(setpoint))
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None:
         """Raises AutopilotError while the vehicle's own time is not known, in which poses are stamped."""

@@ -56,11 +56,11 @@ class Knowledge:
         self.neighbour: Final = neighbours[config.target]
         """The target as a sender of datagrams."""
         self.targets: Final = Targets(
-            neighbours,
-            config.target,
-            config.mission.arrival_range_m,
-            config.mission.arrival_confidence,
-            GateLimits(**asdict(config.gate)),
+            neighbours=neighbours,
+            target=config.target,
+            arrival_range_m=config.mission.arrival_range_m,
+            arrival_confidence=config.mission.arrival_confidence,
+            limits=GateLimits(**asdict(config.gate)),
         )
         self._packet_ns: int | None = None
         self._packets = 0

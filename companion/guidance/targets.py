@@ -33,6 +33,7 @@ class Targets:
 
     def __init__(
         self,
+        *,
         neighbours: Mapping[int, Neighbour],
         target: int,
         arrival_range_m: float,

@@ -30,7 +30,6 @@ class ReaderProcess:
         self._command = list(command)
         self._clock = clock
         self._pose_age_s = pose_age_s
-        self.restarts = 0
         self.pid: int | None = None
 
     def check(self) -> None:
@@ -47,7 +46,6 @@ class ReaderProcess:
             reason = await self._one_life()
             lived_s = (self._clock.now_ns() - started_ns) / NS_PER_S
             wait_s = _FIRST_WAIT_S if lived_s > _STEADY_S else min(2 * wait_s, _LONGEST_WAIT_S)
-            self.restarts += 1
             _log.warning("pose reader %s; starting another in %.1f s", reason, wait_s)
             await self._sleep(wait_s)
 

@@ -92,8 +92,6 @@ class Radio:
         self.counters = RadioCounters()
         self.rssi_dbm: tuple[float | None, ...] = (None,) * ANTENNAS
         """Of the newest record, by antenna A, B, C; None where there is no signal."""
-        self.record_ns: int | None = None
-        """When the newest record was read."""
 
     def drain(self) -> None:
         """Called when the source is readable."""
@@ -119,7 +117,6 @@ class Radio:
     def _take(self, record: CsiRecord, now_ns: int) -> None:
         counters = self.counters
         counters.records += 1
-        self.record_ns = now_ns
         resets = self.nic_clock.resets
         t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
         self._count_losses(record.bfee_count, self.nic_clock.resets != resets)
@@ -150,7 +147,6 @@ class Radio:
     def _take_feitcsi(self, record: FeitRecord, now_ns: int) -> None:
         """Such a card counts neither packets nor what it lost."""
         self.counters.records += 1
-        self.record_ns = now_ns
         resets = self.nic_clock.resets
         t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
         self.counters.restarts += self.nic_clock.resets != resets

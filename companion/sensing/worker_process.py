@@ -43,7 +43,6 @@ class AoaProcess:
         self._requests: asyncio.Queue[tuple[int, int, Aperture]] = asyncio.Queue(waiting)
         self._next_id = 0
         self.restarts = 0
-        self.dropped = 0
         self.ready = asyncio.Event()
         """Set while a worker waits for requests."""
 
@@ -51,7 +50,6 @@ class AoaProcess:
         """Queues an aperture and returns the id its result will carry."""
         if self._requests.full():
             dropped_id, dropped_peer, _ = self._requests.get_nowait()
-            self.dropped += 1
             refusal = AoaResult(
                 id=dropped_id, peer=dropped_peer, compute_s=0.0, refusal="the AOA worker is behind", failed=True
             )
@@ -69,7 +67,12 @@ class AoaProcess:
                 await self._serve(process)
             except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
                 self.restarts += 1
-                _log.warning("AOA worker %d %s; starting another", process.pid, _what_happened(error))
+                _log.warning(
+                    "AOA worker %d %s; starting another, restart %d",
+                    process.pid,
+                    _what_happened(error),
+                    self.restarts,
+                )
             finally:
                 self._set_ready(False)
                 await _end(process)

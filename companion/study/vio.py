@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from numpy.random import SeedSequence
 from scipy.stats import spearmanr
 
@@ -32,7 +31,6 @@ from wsr.geometry import angles, wrap_angle
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 _ESTIMATORS = ("bartlett", "robust")
 _KINDS = (PoseKind.MOCAP, PoseKind.T265)

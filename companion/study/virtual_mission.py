@@ -51,8 +51,6 @@ from companion.study.virtual_parts import (
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions
 
-Array = npt.NDArray[np.float64]
-
 RENDEZVOUS_M = 2.0
 _KEY = bytes(wire.MIN_KEY_BYTES)
 _BOOT_ID = 1

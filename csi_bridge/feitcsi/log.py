@@ -1,17 +1,13 @@
-"""FeitCSI logs: header, data, header, data .. read whole, and written."""
+"""FeitCSI logs: header, data, header, data .. read whole."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from csi_bridge.dat_frames import DatFileError
-from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.parser import FeitLogParser, next_record_at, record_size
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.records import CsiError
-from csi_bridge.regular_file import read_regular
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,19 +39,6 @@ def is_feitcsi(data: bytes) -> bool:
     return True
 
 
-def read_log(path: str | Path) -> FeitLog:
-    """Raises DatFileError for a file that is missing, unreadable or has no record."""
-    path = Path(path)
-    try:
-        data = read_regular(path)
-    except OSError as error:
-        raise DatFileError(f"{path}: {error.strerror}") from None
-    log = parse_log(data, path)
-    if not log.records:
-        raise DatFileError(f"{path}: not a FeitCSI log (no record in {len(data)} bytes)")
-    return log
-
-
 def parse_log(data: bytes, path: Path) -> FeitLog:
     """Every record in `data`; `path` is for messages."""
     parser, found, damaged = FeitLogParser(), [], 0
@@ -78,13 +61,3 @@ def parse_log(data: bytes, path: Path) -> FeitLog:
         skipped_bytes=parser.skipped_bytes + lost,
         truncated_bytes=parser.pending_bytes - lost,
     )
-
-
-def write_log(path: str | Path, records: Iterable[FeitRecord]) -> None:
-    """A new log. Raises DatFileError where it cannot be written, EncodeError for a record that no card reports."""
-    try:
-        with Path(path).open("wb") as file:
-            for record in records:
-                file.write(encode_record(record))
-    except OSError as error:
-        raise DatFileError(f"{path}: {error.strerror}") from None

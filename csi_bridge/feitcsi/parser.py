@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from csi_bridge.feitcsi.rate import Rate
-from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, MAX_RX, MAX_TX, FeitRecord
+from csi_bridge.feitcsi.records import HEADER_BYTES, MAX_RX, MAX_TX, FeitRecord
 from csi_bridge.feitcsi.tones import SUBCARRIERS, tones_of
 from csi_bridge.records import CsiError
 
@@ -73,11 +73,6 @@ def parse_record(data: bytes | memoryview) -> FeitRecord:
         csi=csi,
         header=bytes(data[:HEADER_BYTES]),
     )
-
-
-def parse_body(code: int, body: bytes) -> FeitRecord | None:
-    """A record by its code; None for the code of anything else. Raises CsiError."""
-    return parse_record(body) if code == FEITCSI_CODE else None
 
 
 def next_record_at(data: bytes | bytearray, start: int = 0) -> int:

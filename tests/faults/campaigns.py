@@ -1,5 +1,5 @@
-"""How long the campaigns of the fault tests are: short in `make test`, full in `make faults`. Recordings beyond one of
-each set are tests of their own, which `make test-long` runs as well.
+"""How long the campaigns of the fault tests are: short in `make test`, full in `make faults`. Recordings beyond a
+few are tests of their own, which `make test-long` runs as well.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
 
 
 def recordings(first: bool) -> list[object]:
-    """All recorded runs as parameters of a test; but for the first or else the last of each set they are long."""
+    """All recorded runs as parameters of a test. All are long but one of every other set: the first runs of one half of
+    the sets, or else the last runs of the other, so that between them two tests take one run of each set."""
     runs = find_runs(DATA) if DATA.is_dir() else []
-    short = {run.set_name: run for run in (reversed(runs) if first else runs)}
+    named = {run.set_name: run for run in (reversed(runs) if first else runs)}
+    short = [named[name] for name in sorted(named)[int(first) :: 2]]
     return [
         pytest.param(
             run,
             id=f"{run.set_name}-{run.stamp}",
-            marks=[] if run == short[run.set_name] else [pytest.mark.long],
+            marks=[] if run in short else [pytest.mark.long],
         )
         for run in runs
     ]

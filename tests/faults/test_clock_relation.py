@@ -25,8 +25,8 @@ CSI = np.full(30, 20 + 5j, np.complex64)
 class Pair:
     """A drone that pings at 120/s and a beacon whose clock is another: what each stamps, and datagrams both ways."""
 
-    def __init__(self, seed: int = 1) -> None:
-        self.rng = random.Random(seed)
+    def __init__(self, notes_ages: bool = False) -> None:
+        self.rng = random.Random(1)
         self.clock = ManualClock(100 * NS_PER_S)
         self.receiver = NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, self.clock)
         self.sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, boot(1))
@@ -38,7 +38,9 @@ class Pair:
         self.ours = NeighbourSender(wire.Role.UAV, 1, KEY, 50, boot(1))
         self.on_the_way: list[tuple[int, NeighbourReceiver, bytes]] = []
         self.frame = 0
+        self.notes_ages = notes_ages
         self.ages: list[tuple[float, float]] = []
+        """Of the newest data, as said and true [s], when something arrived and each 10 ms."""
 
     def run(
         self, seconds: float, loss: float = 0.0, delay_s: float = 0.001, jitter_s: float = 0.0,
@@ -71,18 +73,22 @@ class Pair:
             self.on_the_way = [item for item in self.on_the_way if item[0] > now_ns]
             for _, to, data in sorted(arrived, key=lambda item: self.rng.random()):
                 to.take(data)
-            age_s = self.beacon.data_age_s(now_ns)
-            if age_s is not None:
+            # Between two datagrams what is said grows with what is true.
+            if self.notes_ages and (arrived or step % 10 == 0):
+                age_s = self.beacon.data_age_s(now_ns)
+                assert age_s is not None or not self.ages
+                if age_s is None:
+                    continue
                 newest_ns = max(d.sent_ns for _, d in self.beacon.received)
                 self.ages.append((age_s, (now_ns + OFFSET_NS - newest_ns) / NS_PER_S))
 
 
 def test_fault_22_the_age_of_data_is_right_over_a_lossy_network() -> None:
-    pair = Pair()
+    pair = Pair(notes_ages=True)
     pair.run(20.0, loss=0.2, delay_s=0.02, jitter_s=0.01, duplicates=0.1)
     said, true = np.array(pair.ages).T
     worst_ms = 1e3 * float(np.abs(said - true).max())
-    assert len(said) > 15_000
+    assert len(said) > 2_000
     assert worst_ms < 5.0
     assert pair.beacon.standing(pair.clock.now_ns()) is Standing.TRACKED
     assert pair.beacon.refused.replay > 0  # the duplicates

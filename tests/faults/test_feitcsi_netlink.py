@@ -9,7 +9,7 @@ import socket
 
 import pytest
 
-from csi_bridge.feitcsi.encoder import encode_record
+from benchmarks.feit_encoder import encode_record
 from csi_bridge.feitcsi.message import encode_event
 from csi_bridge.feitcsi.netlink import (
     VendorEventFeeder,
@@ -17,7 +17,7 @@ from csi_bridge.feitcsi.netlink import (
     port_has_listener,
     vendor_events_available,
 )
-from csi_bridge.feitcsi.parser import parse_body
+from csi_bridge.feitcsi.parser import parse_record
 from csi_bridge.feitcsi.rate import Format
 from csi_bridge.feitcsi.records import FEITCSI_CODE, FeitRecord
 from csi_bridge.generic_netlink import family_number
@@ -41,6 +41,11 @@ def _record(seed: int = 0, frame_count: int = 0) -> FeitRecord:
     return feit_records.record(seed=seed, stamp_us=frame_count)
 
 
+def _parse_body(code: int, body: bytes) -> FeitRecord:
+    assert code == FEITCSI_CODE
+    return parse_record(body)
+
+
 async def test_the_connectors_suite_unchanged(monkeypatch: pytest.MonkeyPatch) -> None:
     replaced = {
         "NetlinkSource": _source,
@@ -48,7 +53,7 @@ async def test_the_connectors_suite_unchanged(monkeypatch: pytest.MonkeyPatch) -
         "CSI_CODE": FEITCSI_CODE,
         "CsiRecord": FeitRecord,
         "encode_body": encode_record,
-        "parse_body": parse_body,
+        "parse_body": _parse_body,
         "record": _record,
         "same": feit_records.same,
     }

@@ -1,5 +1,6 @@
 """Every recording through the live path (feed, connector, netlink source, pairing over real UDP) gives the bearing that
-`companion analyze` gives. One run of each set here; all of them by `make test-long`."""
+`companion analyze` gives. One run of every other set here, of the others in `unit/companion/analysis/test_imported.py`;
+all of them by `make test-long`."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ APART_DEG = 0.1
 
 
 @needs_data
-# The last of each set in `make test`: of wsr_3d it is the one in which least adds up coherently.
+# The last of a set in `make test`: of wsr_3d it is the one in which least adds up coherently.
 @pytest.mark.parametrize("run", recordings(first=False))
 async def test_fault_00_a_recording_gives_the_same_bearing_live_and_analysed(run: Run, tmp_path: Path) -> None:
     kind = PoseKind.MOCAP if PoseKind.MOCAP in run.trajectories else PoseKind.T265

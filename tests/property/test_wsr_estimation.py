@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.far_field import FarField
 from tests.unit.wsr.scene import WAVELENGTH_M, weave
 from wsr.aperture import make_aperture
 from wsr.channel import pair_by_counter, pair_by_time
 from wsr.crb import crb, fim
-from wsr.estimators.far_field import FarField
 from wsr.geometry import direction, great_circle, rotation_z
 from wsr.kernel import bartlett_power, grid
 

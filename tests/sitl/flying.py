@@ -21,11 +21,11 @@ from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.sim.operator import engage
-from companion.sim.px4 import report
 from companion.sim.px4.report import Px4Report
 from companion.sim.scenario import encode_scenario
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
+from tests.sitl import px4_report
 from tests.sitl.watching import listen
 
 SEED = 5
@@ -62,7 +62,7 @@ class Flying:
                 await asyncio.sleep(0.02)
         self._reports.sendto(order.encode(), str(address))
         datagram = await asyncio.wait_for(asyncio.get_running_loop().sock_recv(self._reports, 65536), 5.0)
-        answer = report.decode(datagram)
+        answer = px4_report.decode(datagram)
         assert answer.error is None, answer.error
         return answer
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from types import TracebackType
 
 from companion.host.unix_datagram import bind_datagram_socket
-from companion.sim.px4 import report
 from companion.sim.px4.report import Px4Report
+from tests.sitl import px4_report
 
 
 class Px4Process:
@@ -46,7 +46,7 @@ class Px4Process:
         """Give an order, take the state after it. Raises ValueError when the mock did not understand it."""
         assert self._socket is not None
         self._socket.sendto(text.encode(), str(self._control))
-        answer = report.decode(self._socket.recv(65536))
+        answer = px4_report.decode(self._socket.recv(65536))
         if answer.error is not None:
             raise ValueError(answer.error)
         return answer

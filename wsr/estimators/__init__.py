@@ -1,10 +1,9 @@
 """Estimators: a checked aperture in, a direction with what it is worth and a profile out; pure and deterministic.
 
 `ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
-`bartlett` (the paper's), `music` (the subspace method). `far_field.FarField` reads plane waves
-alone. The modules are steps of these: `preparation`, `stretches` and
-`source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up` loads or compiles
-the machine code of `robust`.
+`bartlett` (the paper's), `music` (the subspace method). The other modules are steps of these: `preparation`,
+`stretches` and `source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up`
+loads or compiles the machine code of `robust`.
 """
 
 from __future__ import annotations

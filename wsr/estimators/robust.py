@@ -44,7 +44,6 @@ _APART_RAD = math.radians(12.0)
 _FINE_STEP_RAD, _FINE_STEPS = math.radians(0.05), 30
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

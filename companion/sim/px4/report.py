@@ -58,7 +58,3 @@ class Px4Report:
 
 def encode(report: Px4Report) -> bytes:
     return msgspec.msgpack.encode(report)
-
-
-def decode(datagram: bytes) -> Px4Report:
-    return msgspec.msgpack.decode(datagram, type=Px4Report)

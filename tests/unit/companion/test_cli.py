@@ -224,6 +224,8 @@ def test_what_cannot_be_read_is_told_in_words(
         path = tmp_path / case  # it would be made
     if case == "outlying.mcap" and command == "replay":
         pytest.skip("a whole flight again, which the golden logs replay")
+    if case == "outlying.mcap" and command == "report":
+        pytest.skip("a test of its own reports it, and looks at the page")
     code, err = call(command, *(one.format(path, out=tmp_path) for one in arguments))
     assert code in (0, 1, 2)
     assert "Traceback" not in err

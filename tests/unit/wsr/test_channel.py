@@ -7,13 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from wsr import channel
+from wsr.ofdm import INDICES_5300_20MHZ, UNIT_HZ
 
-K = channel.SUBCARRIERS_20MHZ
+K = INDICES_5300_20MHZ
 
 
 def _csi(phase_rad: float, delay_s: float, gain: float = 20.0) -> NDArray[np.complex128]:
     """CSI (30,) of one path: phase at the channel centre, and a delay that turns the subcarriers against each other."""
-    turn = np.exp(-2j * np.pi * K * channel.SUBCARRIER_SPACING_HZ * delay_s)
+    turn = np.exp(-2j * np.pi * K * UNIT_HZ * delay_s)
     return np.asarray(gain * np.exp(1j * phase_rad) * turn)
 
 

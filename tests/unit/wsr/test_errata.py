@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.refinement import refine_peak
 from tests.unit.wsr.scene import WAVELENGTH_M, circle, far, one_way, round_trip, weave
 from wsr.crb import crb, fim
 from wsr.geometry import direction, great_circle, rotation_z
-from wsr.peaks import find_peaks, refine_peak
+from wsr.peaks import find_peaks
 from wsr.profile import bartlett_profile
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from csi_bridge.feitcsi.channel import thinned
-from csi_bridge.feitcsi.log import read_log
-from tests.feit_records import CAPTURES, needs_captures
+from tests.feit_records import CAPTURES, needs_captures, read_log
 from tests.unit.wsr.scene import WAVELENGTH_M, Array, exchange, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture

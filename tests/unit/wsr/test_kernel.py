@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.oracle import bartlett_profile_oracle
 from tests.unit.wsr.scene import WAVELENGTH_M, far, round_trip, weave
 from wsr import kernel
 from wsr.errors import ApertureError
 from wsr.geometry import direction
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile, bartlett_profile_oracle
+from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
 
 
 def test_grid_is_one_degree_and_off_the_poles() -> None:
@@ -96,7 +97,11 @@ def test_works_where_no_cache_can_be_written(tmp_path: Path) -> None:
     copy = tmp_path / "copied_kernel.py"
     shutil.copy(kernel.__file__, copy)
     (tmp_path / "__pycache__").touch()
-    code = "import copied_kernel as k; k.warm_up(); print(k.__file__)"
+    code = (
+        "import copied_kernel as k, numpy as np\n"
+        "k.bartlett_power(np.zeros((1, 3)), np.ones(1, np.complex128), 2)\n"
+        "print(k.__file__)"
+    )
     environment = {"PATH": os.environ["PATH"], "HOME": os.devnull, "XDG_CACHE_HOME": os.devnull}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)

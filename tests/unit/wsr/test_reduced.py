@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsr.channel import SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ
+from wsr.ofdm import INDICES_5300_20MHZ, UNIT_HZ
 from wsr.reduced import COEFFICIENTS, as_sent, reduce_channel, restore_channel
 
 
@@ -17,7 +17,7 @@ def channels(packets: int = 50, delay_std_s: float = 0.0, seed: int = 1) -> np.n
         else np.tile([0.0, 40e-9, 120e-9], (packets, 1))
     )
     gains = np.array([1.0, 0.5, 0.2]) * np.exp(2j * np.pi * rng.random((packets, 3)))
-    phase = np.exp(-2j * np.pi * SUBCARRIER_SPACING_HZ * SUBCARRIERS_20MHZ * delays[:, :, None])
+    phase = np.exp(-2j * np.pi * UNIT_HZ * INDICES_5300_20MHZ * delays[:, :, None])
     return np.asarray(30 * (gains[:, :, None] * phase).sum(axis=1), np.complex64)
 
 
@@ -25,7 +25,7 @@ def test_a_channel_of_a_room_survives_to_better_than_30_db() -> None:
     sent = channels()
     got = as_sent(sent)
     # The packet's own delay is taken out: the phase ramp that fits best is not an error.
-    k = SUBCARRIERS_20MHZ
+    k = INDICES_5300_20MHZ
     ratios = []
     for a, b in zip(sent, got, strict=True):
         ramps = np.exp(-1j * np.linspace(-0.4, 0.4, 4001)[:, None] * k)
@@ -36,7 +36,7 @@ def test_a_channel_of_a_room_survives_to_better_than_30_db() -> None:
 
 def test_the_phase_at_the_centre_stays_whatever_the_delay_of_the_packet() -> None:
     flat = np.tile(30 * np.exp(1j * np.linspace(0, 6, 40))[:, None], 30)
-    late = flat * np.exp(-2j * np.pi * SUBCARRIER_SPACING_HZ * SUBCARRIERS_20MHZ * 250e-9)
+    late = flat * np.exp(-2j * np.pi * UNIT_HZ * INDICES_5300_20MHZ * 250e-9)
     got = as_sent(late.astype(np.complex64)).mean(axis=1)
     assert np.abs(np.angle(got * flat[:, 0].conj())).max() < 0.02
 

@@ -11,14 +11,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from benchmarks.feit_encoder import encode_record
 from companion.cli import program
 from companion.errors import CompanionError
-from csi_bridge.feitcsi.encoder import encode_record
-from csi_bridge.feitcsi.log import write_log
 from csi_bridge.feitcsi.rate import Format
 from tests import csi_records, feit_records
 from tests.csi_records import log_of, needs_data
-from tests.feit_records import CAPTURES, needs_captures
+from tests.feit_records import CAPTURES, needs_captures, write_log
 from tests.paths import DATA
 
 

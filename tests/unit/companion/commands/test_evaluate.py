@@ -88,7 +88,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[s
     def result(poses: str) -> dict[str, Any]:
         if not DATA.is_dir():
             pytest.skip(f"no real captures at {DATA}")
-        done = evaluate(DATA, "--poses", poses, "--json", folder / f"{poses}.json")
+        done = evaluate(DATA, "--poses", poses, "--jobs", 1, "--json", folder / f"{poses}.json")
         assert done.exit_code == 0, done.output
         content: dict[str, Any] = json.loads((folder / f"{poses}.json").read_text())
         return content

@@ -37,7 +37,8 @@ class _Known(Targets):
     """Knows of one target, or of none."""
 
     def __init__(self, target: Target | None) -> None:
-        super().__init__({}, 2, 1.0, 0.9, GateLimits(**asdict(GateConfig())))
+        limits = GateLimits(**asdict(GateConfig()))
+        super().__init__(neighbours={}, target=2, arrival_range_m=1.0, arrival_confidence=0.9, limits=limits)
         self.known = target
 
     @property

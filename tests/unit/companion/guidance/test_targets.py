@@ -53,7 +53,7 @@ class _Neighbour(Neighbour):
 
 def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> None:
     beacon = _Neighbour(2, "beacon")
-    targets = Targets({2: beacon}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS)
+    targets = Targets(neighbours={2: beacon}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS)
     assert targets.places() == () and not targets.is_near((0.0, 0.0, 1.5))
     for turn in range(8):  # around it
         targets.add(2, _bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), 0.0)
@@ -70,7 +70,7 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
 
 def test_one_bearing_tells_a_direction_and_no_place() -> None:
     targets = Targets(
-        {2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
+        neighbours={2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
     )
     assert targets.aim((0.0, 0.0, 1.5)) is None
     targets.add(2, _bearing((0.0, 0.0, 1.5), (4.0, 0.0, 0.5)), 0.0)
@@ -82,7 +82,7 @@ def test_one_bearing_tells_a_direction_and_no_place() -> None:
 def test_near_is_what_new_packets_have_confirmed() -> None:
     """Most of an aperture of them; until then, and as soon as it does not seem near, nothing has arrived."""
     targets = Targets(
-        {2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
+        neighbours={2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
     )
     for turn in range(6):
         targets.add(2, replace(_bearing((4.0 + math.cos(turn), math.sin(turn), 1.5), (4.0, 0.0, 0.5)), fresh=1.0), 0.0)
@@ -111,7 +111,7 @@ def test_an_image_behind_the_wall_is_louder_but_the_robot_in_the_room_is_flown_t
     image_m, robot_m = (0.0, -12.0, 0.5), (9.0, 0.0, 0.5)
     room = replace(_LIMITS, fence_min_m=(-3.0, -4.0, -1.0), fence_max_m=(12.0, 4.0, 3.0))
     targets = Targets(
-        {2: _Neighbour(2, "beacon")},
+        neighbours={2: _Neighbour(2, "beacon")},
         target=2,
         arrival_range_m=2.0,
         arrival_confidence=0.9,
@@ -132,7 +132,9 @@ def test_an_image_behind_the_wall_is_louder_but_the_robot_in_the_room_is_flown_t
 
 def test_where_nothing_seen_can_be_flown_to_it_flies_towards_it_all_the_same() -> None:
     tight = replace(_LIMITS, fence_min_m=(-1.0, -1.0, -1.0), fence_max_m=(1.0, 1.0, 3.0), fence_radius_m=1.0)
-    targets = Targets({2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=0.1, arrival_confidence=0.9, limits=tight)
+    targets = Targets(
+        neighbours={2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=0.1, arrival_confidence=0.9, limits=tight
+    )
     for step in range(12):
         here_m = (0.6 * math.cos(step), 0.6 * math.sin(step), 1.5)
         targets.add(2, replace(_bearing(here_m, (0.0, 14.0, 0.5)), fresh=0.5), 0.0)

@@ -15,10 +15,11 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import SEED, check_leftovers, rows_of
 
 
-def test_drift_grows_with_the_error_and_scales_it_to_the_ate(tmp_path: Path) -> None:
+def test_drift_grows_with_the_error_and_scales_it_to_the_ate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from companion.study import drift
 
     one = study("drift")
+    monkeypatch.setattr(drift, "_ATE_M", drift._TABLE_ATE_M)  # those that the findings are of
     for case in (drift.DriftCase("3D helix", "random walk", 0.15), drift.DriftCase("2D circle", "velocity bias", 0.1)):
         error = drift._error(case, np.random.default_rng(3))
         assert math.sqrt(float(np.mean(np.sum(error**2, axis=1)))) == pytest.approx(case.ate_m)

@@ -6,9 +6,9 @@ from typing import Final
 
 import pytest
 
-from csi_bridge.feitcsi.log import FeitLog, read_log
+from csi_bridge.feitcsi.log import FeitLog
 from csi_bridge.feitcsi.rate import Format
-from tests.feit_records import CAPTURES, needs_captures
+from tests.feit_records import CAPTURES, needs_captures, read_log
 
 EXPECTED: Final = {
     "HESU160_5500": (26, Format.HE, 160, 1992),

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from csi_bridge.feitcsi.log import is_feitcsi, write_log
-from tests.feit_records import CAPTURES, MAC
+from csi_bridge.feitcsi.log import is_feitcsi
+from tests.feit_records import CAPTURES, MAC, write_log
 from tests.unit.csi_bridge.feitcsi.captures import EACH, EXPECTED, capture
 
 pytestmark = EACH

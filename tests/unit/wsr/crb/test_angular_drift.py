@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.refinement import refine_peak
 from tests.unit.wsr.scene import WAVELENGTH_M
 from wsr.crb.angular_drift import with_angular_drift
 from wsr.geometry import direction, great_circle
-from wsr.peaks import find_peaks, refine_peak
+from wsr.peaks import find_peaks
 from wsr.profile import bartlett_profile
 
 Array = NDArray[np.float64]

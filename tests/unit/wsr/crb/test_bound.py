@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
+from benchmarks.refinement import refine_peak
+from tests.unit.wsr.crb import closed_forms
 from tests.unit.wsr.scene import WAVELENGTH_M, circle, far, round_trip, weave
-from wsr.crb import crb, fim
+from wsr.crb import Phase, crb, fim
 from wsr.geometry import direction, great_circle, wrap_angle
-from wsr.peaks import refine_peak
 
 AZIMUTH, POLAR = 0.8, 1.1
+_GRID = np.meshgrid(np.arange(-170, 180, 31), np.arange(3, 180, 28))
+_AZIMUTHS, _POLARS = (np.radians(a.ravel()) for a in _GRID)
+_TAU = np.linspace(0.0, 2 * np.pi, 4096, endpoint=False)
+_PHASES: tuple[Phase, Phase] = ("known", "unknown")
 
 
 def _line(packets: int = 100) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -138,3 +144,30 @@ def test_poles_do_not_dominate_the_great_circle() -> None:
     assert pole.azimuth_rad2 > 5000 * equator.azimuth_rad2
     assert crb(chi, WAVELENGTH_M, 0.3, 0.0).azimuth_rad2 == math.inf
     assert great_circle(direction(0.3, 0.0), direction(2.0, 0.0)) < 1e-12
+
+
+@pytest.mark.parametrize("phase", _PHASES)
+def test_closed_forms_are_means_over_the_path(phase: Phase) -> None:
+    radius, directions = 0.35, list(zip(_AZIMUTHS.tolist(), _POLARS.tolist(), strict=True))
+    helix_m, circle_m = radius * direction(_TAU, _TAU), radius * direction(_TAU, np.pi / 2)
+    along, length = direction(0.4, 1.0), 2.0
+    line_m = length * (np.arange(4096)[:, None] + 0.5) / 4096 * along
+    for chi, closed in (
+        (helix_m, closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)),
+        (circle_m, closed_forms.circle(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS)),
+        (line_m, closed_forms.line(length, along, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)),
+    ):
+        mean = np.array([fim(chi, WAVELENGTH_M, p, t, 1.0, phase, round_trip=False) for p, t in directions]) / len(chi)
+        size = float(np.abs(mean).max())
+        np.testing.assert_allclose(closed.a, mean[:, 1, 1], rtol=1e-6, atol=1e-9 * size)
+        np.testing.assert_allclose(closed.b, mean[:, 0, 0], rtol=1e-6, atol=1e-9 * size)
+        np.testing.assert_allclose(closed.c, mean[:, 0, 1], rtol=1e-6, atol=1e-9 * size)
+    one_way = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)
+    product = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase, round_trip=True)
+    np.testing.assert_allclose(_determinant(product), 16 * _determinant(one_way))
+    determinant = _determinant(closed_forms.line(length, along, WAVELENGTH_M, _AZIMUTHS, _POLARS))
+    assert np.abs(determinant).max() < 1e-9 * size**2
+
+
+def _determinant(of: closed_forms.MeanInformation) -> npt.NDArray[np.float64]:
+    return np.asarray(of.a * of.b - of.c**2)

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.far_field import FarField
 from tests.unit.wsr.estimators.two_sources import APART, exchanged
 from tests.unit.wsr.scene import DIRECTIONS, WAVELENGTH_M, Array, circle, far, round_trip, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
 from wsr.errors import ApertureError
-from wsr.estimators.far_field import FarField
 from wsr.estimators.music import Music
 from wsr.estimators.source_number import source_number
 from wsr.estimators.stretches import Stretch

@@ -162,9 +162,9 @@ def test_less_data_is_enough() -> None:
 
 
 def test_noise_alone_is_not_reliable() -> None:
-    t, p = weave(200)
+    t, p = weave(60)
     rng = np.random.default_rng(4)
-    wild = (rng.normal(size=(2, 200, 30)) + 1j * rng.normal(size=(2, 200, 30))).astype(np.complex64)
+    wild = (rng.normal(size=(2, 60, 30)) + 1j * rng.normal(size=(2, 60, 30))).astype(np.complex64)
     aperture = make_aperture(t, p, (wild[0] * wild[1]).mean(1), WAVELENGTH_M, forward=wild[0], reverse=wild[1])
     estimate, _ = Robust(RobustOptions(reciprocity=False)).estimate(aperture)
     assert estimate.reliability < 0.2

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from tests.unit.wsr.scene import WAVELENGTH_M, Array, Complex
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import SPEED_OF_LIGHT_M_S, SUBCARRIER_SPACING_HZ, SUBCARRIERS_20MHZ, centre_channel
+from wsr.channel import SPEED_OF_LIGHT_M_S, centre_channel
 from wsr.geometry import direction
+from wsr.ofdm import INDICES_5300_20MHZ, UNIT_HZ
 
-_SUBCARRIER_HZ = SUBCARRIERS_20MHZ * SUBCARRIER_SPACING_HZ
+_SUBCARRIER_HZ = INDICES_5300_20MHZ * UNIT_HZ
 _DELAY_M = 0.030e-6 * SPEED_OF_LIGHT_M_S
 # 25 degrees apart on the sphere: in azimuth 25 on the horizon.
 APART = (direction(0.5, math.pi / 2), direction(0.5 + math.radians(25), math.pi / 2))
@@ -30,7 +31,7 @@ def exchanged(
     both cards would record them."""
     rng = np.random.default_rng(seed)
     packets = len(p)
-    field = np.zeros((packets, SUBCARRIERS_20MHZ.size), np.complex128)
+    field = np.zeros((packets, INDICES_5300_20MHZ.size), np.complex128)
     carrier_hz = SPEED_OF_LIGHT_M_S / WAVELENGTH_M + _SUBCARRIER_HZ
     for number, source in enumerate(sources):
         longer = np.linalg.norm(p - source, axis=1)[:, None] + number * _DELAY_M

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.oracle import bartlett_profile_oracle
+from benchmarks.sliding import SlidingProfile
 from tests.unit.wsr.scene import WAVELENGTH_M
 from wsr.kernel import _FEW
-from wsr.profile import bartlett_profile, bartlett_profile_oracle
-from wsr.sliding import SlidingProfile
+from wsr.profile import bartlett_profile
 
 
 def packets(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

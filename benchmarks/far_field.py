@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.refinement import refine_peak
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 from wsr.channel import bounded_amplitude
 from wsr.estimators.description import describe, is_horizontal
 from wsr.geometry import angles, direction
-from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks, refine_peak
+from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks
 from wsr.profile import Profile, bartlett_profile
 
 

@@ -1,4 +1,4 @@
-"""FeitCSI records to bytes: the exact inverse of the parser, for files, the radio simulator and tests."""
+"""FeitCSI records to bytes: the exact inverse of the parser, since no driver is here to write them."""
 
 from __future__ import annotations
 

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.far_field import FarField
 from tests.unit.wsr.scene import DIRECTIONS, WAVELENGTH_M, Array, Complex, circle, far, round_trip, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import make_aperture
-from wsr.estimators.far_field import FarField
 from wsr.frames import enu_from_ned
 from wsr.geometry import direction, great_circle, wrap_angle
 
