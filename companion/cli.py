@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "config": "check a configuration, show what is in force, print examples",
     "keygen": "secret keys for the robots' datagrams",
     "doctor": "what is not ready, and what to do about it",
+    "radio": "as root: monitor mode, channel and the driver's switches",
     "check-axes": "move the vehicle by hand and see whether the axes are right",
     "demo": "a full simulated rendezvous",
     "csi": "what a log of CSI holds, of whichever card",

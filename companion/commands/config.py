@@ -10,9 +10,10 @@ from typing import Any
 import click
 import msgspec
 
-from companion.config.file import load_config
+from companion.config.file import load_config, text_of
 from companion.config.json_schema import json_schema, keys_of
 from companion.config.origins import ValueOrigin, origins
+from companion.config.unit_settings import drop_in
 from companion.errors import ConfigError
 from companion.shipped.files import shipped_paths, shipped_text
 
@@ -40,7 +41,7 @@ def check(paths: tuple[Path, ...]) -> None:
 def show(path: Path, as_json: bool) -> None:
     """The values in force, each with where it came from: FILE:LINE, or the default."""
     read = load_config(path)
-    rows = list(origins(read, path.read_text(encoding="utf-8-sig")))
+    rows = list(origins(read, text_of(path)))
     if as_json:
         plain = [msgspec.to_builtins(row) | {"where": _where(row, path)} for row in rows]
         click.echo(json.dumps(plain, indent=2))
@@ -75,6 +76,13 @@ def example(name: str | None) -> None:
     click.echo(shipped_text(named[name]), nl=False)
 
 
+@config.command()
+@_file
+def units(path: Path) -> None:
+    """Print what this configuration needs of its unit beside what every one has, as a drop-in of systemd."""
+    click.echo(drop_in(load_config(path)), nl=False)
+
+
 def _name(path: str) -> str:
     """uav of configs/uav.yaml, gps of configs/px4/gps.params; of others the file's own name."""
     file = PurePosixPath(path)
@@ -93,8 +101,8 @@ def _where(row: ValueOrigin, path: Path) -> str:
 
 def _read_schema(path: Path) -> dict[str, Any]:
     try:
-        read = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        read = json.loads(text_of(path))
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: no schema of a configuration: {error}") from None
     if not isinstance(read, dict):
         raise ConfigError(f"{path}: no schema of a configuration: expected an object")

@@ -42,6 +42,7 @@ class System:
     modules: Path = Path("/sys/module")
     networks: Path = Path("/sys/class/net")
     debug: Path = Path("/sys/kernel/debug")
+    phys: Path = Path("/sys/class/ieee80211")
 
 
 def static_checks(config: Config, system: System) -> Iterator[Check]:
