@@ -153,8 +153,8 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
     return answer
 
 
-async def ask_status(path: Path) -> dict[str, Any]:
+async def ask_status(path: Path, timeout_s: float = 5.0) -> dict[str, Any]:
     """As `ask`, of the control socket at `path` or, for whom that one is closed, of the status socket beside it."""
     if not os.access(path, os.R_OK | os.W_OK) and (beside := path.with_name(STATUS_SOCKET)).exists():
         path = beside
-    return await ask(path, "status")
+    return await ask(path, "status", timeout_s)

@@ -49,7 +49,7 @@ def static_checks(config: Config, system: System) -> Iterator[Check]:
     """What can be read without waiting for packets."""
     if config.csi.source == "unix":
         yield Check("driver", None, "csi.source is unix: the records come from a process, not from a driver")
-    else:
+    elif config.csi.source == "netlink":
         yield _module(system)
         reason = connector_available(config.csi.connector_idx)
         yield Check(

@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 from typing import Final
 
 _FOLDERS: Final = ("configs", "systemd")
+_FILES: Final = ("requirements.txt",)
 
 
 def shipped_text(path: str) -> str:
@@ -18,7 +19,8 @@ def shipped_text(path: str) -> str:
 
 def shipped_paths() -> list[str]:
     """All of them, as `shipped_text` takes them."""
-    return sorted(path for folder in _FOLDERS for path in _below(_root().joinpath(folder), PurePosixPath(folder)))
+    below = (path for folder in _FOLDERS for path in _below(_root().joinpath(folder), PurePosixPath(folder)))
+    return sorted([*_FILES, *below])
 
 
 def _root() -> Traversable:

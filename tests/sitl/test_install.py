@@ -11,6 +11,7 @@ from tests.clean_root import SITE, CleanRoot, clean_root, why_not
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "-")
 _MAKE = f"make -s DEPENDENCIES={SITE}"
+_MISSING = {"card", "camera", "reader", "vehicle"}
 _NEW_KEY = "new key gate.max_climb_m_s (default 0.7)"
 
 
@@ -44,6 +45,12 @@ def test_a_robot_is_installed_upgraded_rolled_back_and_left_alone(root: CleanRoo
     assert root.run("grep -c 'GROUP=\"plugdev\"' /etc/udev/rules.d/60-companion.rules") == "2\n"
     assert root.run("head -1 /opt/companion/1.0/bin/companion") == "#!/opt/companion/1.0/bin/python\n"
     assert "/.new" not in root.run("cat /opt/companion/1.0/pyvenv.cfg /opt/companion/1.0/bin/activate")
+
+    # Everything is ready but what no machine without the parts can have.
+    root.run("companion keygen --owner companion /etc/companion/beacon.key")
+    root.run("sed -i 's/192.168.1.255/127.255.255.255/' /etc/companion/companion.yaml")
+    said = root.run("companion doctor all --seconds 0.5", code=1)
+    assert {line[7:31].strip() for line in said.splitlines() if line.startswith("FAILED")} == _MISSING, said
 
     # Again, and an upgrade: what belongs to the robot stays, and what is new is said.
     root.run("sed -i 's/^name: uav/name: heron/' /etc/companion/companion.yaml; md5sum /etc/companion/uav.key > /key")

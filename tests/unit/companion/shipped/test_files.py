@@ -26,7 +26,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tree, out = tmp_path_factory.mktemp("tree"), tmp_path_factory.mktemp("built")
     for name in _BUILT:
         shutil.copytree(ROOT / name, tree / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", "requirements.txt"):
         shutil.copy(ROOT / name, tree)
     subprocess.run([sys.executable, "-c", _BUILD, str(out)], cwd=tree, check=True, capture_output=True, timeout=120)
     return out
@@ -39,6 +39,7 @@ def test_the_wheel_and_the_archive_hold_every_file_of_configs_and_systemd(built:
         for path in (ROOT / name).rglob("*")
         if path.is_file()
     }
+    wanted.add("requirements.txt")
     assert set(shipped_paths()) == wanted
     (wheel,) = built.glob("*.whl")
     inside = {name.removeprefix("companion/shipped/") for name in zipfile.ZipFile(wheel).namelist()}
