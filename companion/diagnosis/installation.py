@@ -110,14 +110,10 @@ def key_check(name: str, path: Path) -> Check:
     mode = stat.S_IMODE(found.st_mode)
     if mode & 0o077:
         return Check(name, False, f"{path}: mode {mode:o}, others may read it", f"chmod 600 {path}")
-    ours = owner in (SERVICE_USER, _name_of(os.getuid())) if owner != "root" else not _has_service_user()
-    if not ours:
+    by_hand = os.getuid() != 0 and found.st_uid == os.getuid()
+    if owner != SERVICE_USER and not by_hand and _user().ok:
         return Check(name, False, f"{path} belongs to {owner}", f"chown {SERVICE_USER} {path}")
     return Check(name, True, f"{path}, {len(key)} bytes, of {owner}")
-
-
-def _has_service_user() -> bool:
-    return _user().ok is True
 
 
 def _name_of(uid: int) -> str:
