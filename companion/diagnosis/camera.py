@@ -80,7 +80,7 @@ def _node(node: Path) -> Check:
     if found.st_mode & stat.S_IWOTH:
         return Check("camera's node", True, f"{node}, anybody's")
     return Check("camera's node", False, f"{node}: not of group {_GROUP}",
-                 "udevadm control --reload; udevadm trigger (60-companion.rules)")  # fmt: skip
+                 "udevadm control --reload; udevadm trigger (60-companion-t265.rules)")  # fmt: skip
 
 
 def _reader(root: Path) -> Check:

@@ -111,7 +111,7 @@ def test_raw_frames_are_in_no_unit_itself(unit: Path) -> None:
 
 
 def test_the_udev_rules_know_both_ids_of_the_camera() -> None:
-    rules = (_FOLDER / "udev" / "60-companion.rules").read_text()
+    rules = (_FOLDER / "udev" / "60-companion-t265.rules").read_text()
     ids = re.findall(r'ATTR\{idVendor\}=="(\w{4})", ATTR\{idProduct\}=="(\w{4})", GROUP="plugdev", MODE="0660"', rules)
     assert ids == [("8087", "0b37"), ("03e7", "2150")]
 

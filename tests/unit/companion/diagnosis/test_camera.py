@@ -47,7 +47,7 @@ async def test_its_node_must_be_the_groups(config: Config, tmp_path: Path) -> No
     assert _named(await camera_checks(config, 0.5, tmp_path, None))["camera's node"].ok is False
     node.parent.mkdir(parents=True)
     node.touch(mode=0o600)
-    assert "60-companion.rules" in _named(await camera_checks(config, 0.5, tmp_path, None))["camera's node"].remedy
+    assert "60-companion-t265.rules" in _named(await camera_checks(config, 0.5, tmp_path, None))["camera's node"].remedy
     node.chmod(0o666)
     assert _named(await camera_checks(config, 0.5, tmp_path, None))["camera's node"].ok
 
