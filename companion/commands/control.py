@@ -16,7 +16,7 @@ from companion.host.control_socket import ask, ask_status
 _socket_option = click.option(
     "--socket",
     "socket_path",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, readable=False),  # whoever may not, asks the status socket beside it
     default=Path("/run/companion/control.sock"),
     show_default=True,
     help="Control socket of the service.",

@@ -155,6 +155,7 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
 
 async def ask_status(path: Path, timeout_s: float = 5.0) -> dict[str, Any]:
     """As `ask`, of the control socket at `path` or, for whom that one is closed, of the status socket beside it."""
-    if not os.access(path, os.R_OK | os.W_OK) and (beside := path.with_name(STATUS_SOCKET)).exists():
+    beside = path.with_name(STATUS_SOCKET)
+    if not os.access(path, os.R_OK | os.W_OK) and os.access(beside, os.R_OK | os.W_OK):
         path = beside
     return await ask(path, "status", timeout_s)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from companion.sim.stage import free_udp_port
 from tests.clean_root import SITE, CleanRoot, clean_root, why_not
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "-")
@@ -132,3 +133,46 @@ def test_the_package_is_installed_upgraded_rolled_back_and_removed(root: CleanRo
     root.run("ls /opt/companion || ls /usr/bin/companion || ls /etc/systemd/system/companion.service", code=2)
     root.run("ls /etc/companion/uav.key && dpkg --purge companion")
     root.run("ls /etc/companion || id companion", code=1)
+
+
+_AS_SERVICE = (
+    "setpriv --reuid companion --regid companion --groups dialout "
+    "--inh-caps=-all,+net_admin --ambient-caps=-all,+net_admin --bounding-set=-all,+net_admin --no-new-privs "
+    "env NUMBA_CACHE_DIR=/var/cache/companion sh -c "
+    "'umask 027; exec companion run --config /etc/companion/companion.yaml'"
+)
+"""What companion.service gives its process, as far as it can be given without systemd."""
+
+
+def test_the_service_runs_as_its_user_and_the_group_may_ask(root: CleanRoot) -> None:
+    root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav && companion keygen --owner companion /etc/companion/beacon.key")
+    port, robots = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
+    root.run(
+        f"sed -i 's|192.168.1.255|127.255.255.255|; s|17650|{robots}|; s|serial:.*|udpin://127.0.0.1:{port}|' "
+        "/etc/companion/companion.yaml"
+    )
+    root.run("for folder in run lib log cache; do parent=/var; [ $folder != run ] || parent=; "
+             "install -d -m 750 -o companion -g companion $parent/$folder/companion; done")  # fmt: skip
+    root.run("useradd --no-create-home --groups companion pilot && useradd --no-create-home stranger")
+    root.run(f"{_AS_SERVICE} > /service.txt 2>&1 & echo $! > /pid")
+    try:
+        root.run(
+            "for i in $(seq 50); do timeout 5 companion status > /status.txt 2>&1 && break; sleep 0.2; done; "
+            "cat /service.txt /status.txt; grep -q idle /status.txt"
+        )
+        assert _modes(
+            root, "/run/companion/control.sock", "/run/companion/status.sock", "/var/log/companion/log.mcap"
+        ) == [
+            "srw------- companion companion /run/companion/control.sock",
+            "srw-rw---- companion companion /run/companion/status.sock",
+            "-rw-r----- companion companion /var/log/companion/log.mcap",
+        ]
+        pilot = "setpriv --reuid pilot --regid pilot --init-groups"
+        assert "idle" in root.run(f"{pilot} companion status")
+        assert "permission denied" in root.run(f"{pilot} companion engage", code=1)
+        stranger = "setpriv --reuid stranger --regid stranger --init-groups"
+        assert "permission denied" in root.run(f"{stranger} companion status", code=1)
+        # What the running service holds it is asked for; what it lacks is named.
+        assert "the running service hears none" in root.run("companion doctor autopilot", code=1)
+    finally:
+        root.run("kill $(cat /pid); for i in $(seq 100); do [ -e /proc/$(cat /pid) ] || break; sleep 0.1; done")
