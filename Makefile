@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 
-.PHONY: demo pictures test test-long faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
+.PHONY: install rollback uninstall deb demo pictures test test-long faults mutants t265 bench ablation golden replay-seeds check lint types imports help clean
 
 help:
 	@echo "make demo   a full simulated rendezvous (options: ARGS='--seed 2 --out DIR')"
@@ -20,6 +20,10 @@ help:
 	@echo "make golden renews the golden decisions and prints what moved (ARGS='--cut demo-out/log.mcap' cuts a log anew)"
 	@echo "make replay-seeds  flies the demo with ten seeds and replays each log (SEEDS, MAX_TIME)"
 	@echo "make .venv  the environment alone"
+	@echo "make install  as root: onto this robot, below /opt/companion (ROLE=uav or beacon the first time)"
+	@echo "make rollback  as root: the version before runs again"
+	@echo "make uninstall  as root: away with it; configuration, keys and logs stay but for PURGE=1"
+	@echo "make deb    the same as a Debian package in build/"
 
 .venv: $(VENV)/run.stamp
 
@@ -93,6 +97,36 @@ replay-seeds: .venv
 		$(BIN)/companion replay build/seeds/$$seed/log.mcap --check > build/seeds/$$seed.check 2>&1 || { cat build/seeds/$$seed.check; exit 1; }; \
 		echo "  replay: $$(tail -1 build/seeds/$$seed.check)"; \
 	done
+
+# The service's environment is of the system's own interpreter: one below a home folder its user could not read.
+INSTALL_PYTHON = $(shell for p in /usr/bin/python3 /usr/bin/python3.14 /usr/bin/python3.13 /usr/bin/python3.12 /usr/bin/python3.11 $(PYTHON); do \
+	$$p -c 'import ensurepip, sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+# The T265's reader has its own, of a CPython 3.10 (docs/install.md says where it comes from).
+INSTALL_PYTHON310 = $(shell for p in /usr/bin/python3.10 /opt/python3.10/bin/python3.10; do \
+	$$p -c 'import ensurepip' 2>/dev/null && echo $$p && break; done)
+# Of a commit that is no release, with its number, so that two of them lie side by side.
+VERSION = $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' companion/__init__.py)$(shell \
+	git() { command git -c safe.directory='*' "$$@" 2>/dev/null; }; git describe --exact-match --match 'v*' >/dev/null || \
+	echo "$$(git rev-list --count HEAD) $$(git rev-parse --short HEAD)" | sed -n 's/^\([0-9]*\) \(.*\)/+r\1.\2/p')
+BUILD_TREE = PYTHON="$(INSTALL_PYTHON)" PYTHON310="$(INSTALL_PYTHON310)" DEPENDENCIES="$(DEPENDENCIES)" systemd/build-tree
+
+install:
+	@test "$$(id -u)" = 0 || { echo "only root can: sudo make install ROLE=$(or $(ROLE),uav)"; exit 1; }
+	@test -n "$(INSTALL_PYTHON)" || { echo "Python 3.11 or newer with venv is needed: apt install python3-venv"; exit 1; }
+	$(BUILD_TREE) "$(VERSION)" /opt/companion ""
+	/opt/companion/$(VERSION)/bin/companion-setup activate "$(VERSION)" $(ROLE)
+
+rollback:
+	/opt/companion/current/bin/companion-setup rollback
+
+uninstall:
+	sh systemd/companion-setup remove $(if $(PURGE),--purge)
+
+deb:
+	@test -n "$(INSTALL_PYTHON)" || { echo "Python 3.11 or newer with venv is needed: apt install python3-venv"; exit 1; }
+	rm -rf build/deb && mkdir -p build/deb
+	$(BUILD_TREE) "$(VERSION)" /opt/companion "$(CURDIR)/build/deb"
+	systemd/build-deb "$(VERSION)" build/deb "$(INSTALL_PYTHON)"
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -6,6 +6,9 @@ goes through it.
 
 import os
 
+__version__ = "0.2.0"
+"""The only place that states it: pyproject.toml, the logs and the installer read it here."""
+
 # Before NumPy is loaded: threads of BLAS spin while they wait for each other, and in the control loop's process, which
 # runs in real time, they would keep everything else of the machine from its cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -12,6 +12,7 @@ from typing import Final
 
 import click
 
+from companion import __version__
 from companion.errors import CompanionError
 
 _COMMANDS: Final = {
@@ -20,8 +21,10 @@ _COMMANDS: Final = {
     "abort": "end the companion's flight: leave its mode and stay out",
     "status": "what the service is doing",
     "feed": "play a recorded CSI log to the service, as the driver would",
+    "config": "check a configuration, show what is in force, print examples",
     "keygen": "secret keys for the robots' datagrams",
     "doctor": "what is not ready, and what to do about it",
+    "radio": "as root: monitor mode, channel and the driver's switches",
     "check-axes": "move the vehicle by hand and see whether the axes are right",
     "demo": "a full simulated rendezvous",
     "csi": "what a log of CSI holds, of whichever card",
@@ -53,7 +56,7 @@ class _LazyGroup(click.Group):
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="wsr-companion")
+@click.version_option(__version__, prog_name="companion")
 def program() -> None:
     """A drone finds another robot through walls from WiFi channel measurements."""
 

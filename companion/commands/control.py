@@ -11,12 +11,12 @@ from typing import Any
 import click
 
 from companion.errors import CompanionError
-from companion.host.control_socket import ask
+from companion.host.control_socket import ask, ask_status
 
 _socket_option = click.option(
     "--socket",
     "socket_path",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, readable=False),  # whoever may not, asks the status socket beside it
     default=Path("/run/companion/control.sock"),
     show_default=True,
     help="Control socket of the service.",
@@ -24,7 +24,7 @@ _socket_option = click.option(
 
 
 def _ask(path: Path, command: str) -> dict[str, Any]:
-    answer = asyncio.run(ask(path, command))
+    answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command))
     if not answer.get("ok"):
         raise CompanionError(f"{command} refused: {answer.get('error', 'no reason given')}")
     return answer

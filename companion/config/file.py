@@ -24,13 +24,13 @@ _LARGEST_BYTES: Final = 256 << 10
 
 def load_config(path: Path) -> Config:
     """Raises ConfigError with one line for each error found."""
-    document = read_document(_text_of(path), str(path))
+    document = read_document(text_of(path), str(path))
     if not isinstance(document, dict):
         raise ConfigError(f"{path}: expected a mapping of keys at the top, got {_kind(document)}")
     return config_of(document, str(path))
 
 
-def _text_of(path: Path) -> str:
+def text_of(path: Path) -> str:
     """Raises ConfigError; reads no more than a configuration can hold, whatever the name stands for."""
     try:
         with open_regular(path) as file:

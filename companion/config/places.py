@@ -35,6 +35,7 @@ def _paths(config: Config) -> Iterator[tuple[str, str]]:
     yield "runtime_dir", config.runtime_dir
     yield "state_dir", config.state_dir
     yield "control_socket", config.control_socket
+    yield "status_socket", config.status_socket
     yield "csi.socket", config.csi.socket
     yield "pose.socket", config.pose.socket
     yield "recorder.path", config.recorder.path

@@ -277,6 +277,8 @@ class Config:
     ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
     """Role beacon: bytes on the air, with check sum, of the frames that are for us."""
     control_socket: str = "control.sock"
+    status_socket: str = "status.sock"
+    """Where members of the service's group may ask for the status, and nothing else."""
     ping: PingConfig = field(default_factory=PingConfig)
     pose: PoseConfig = field(default_factory=PoseConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)

@@ -1,46 +1,52 @@
-"""The local control socket: one JSON line asks, one answers. Engaging is a person's act and comes only here."""
+"""The local control socket: one JSON line asks, one answers. Engaging is a person's act and comes only here.
+
+A second socket, for the members of the service's group, answers what changes nothing.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import json
 import os
 import socket
 import struct
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from companion.errors import CompanionError
 
 Handler = Callable[[str], Awaitable[dict[str, Any]]]
+Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[dict[str, Any]]]
+STATUS_SOCKET: Final = "status.sock"
+"""Name of the status socket where the configuration gives no other."""
 _UCRED = struct.Struct("3i")
 _LINE_BYTES = 1 << 20
+_CHANGE_NOTHING: Final = frozenset({"status"})
+_NO_COMMAND: Final = {"ok": False, "error": 'expected one line like {"command": "status"}'}
 
 
 class ControlServer:
-    """Listens on a Unix socket that only its owner (or root) may use, and gives each command to `handler`."""
+    """Listens on a Unix socket that only its owner (or root) may use, and gives each command to `handler`. At
+    `status_path` every member of the service's group is answered, but `status` alone."""
 
-    def __init__(self, path: Path, handler: Handler) -> None:
+    def __init__(self, path: Path, handler: Handler, status_path: Path | None = None) -> None:
         self._path = path
+        self._status_path = status_path
         self._handler = handler
-        self._server: asyncio.Server | None = None
+        self._servers: list[tuple[Path, asyncio.Server]] = []
 
     async def open(self) -> None:
-        """Listens from now on. Raises CompanionError when another service holds the socket, or it cannot be made."""
-        await self._refuse_second_service()
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._server = await asyncio.start_unix_server(self._serve, self._path, limit=_LINE_BYTES)
-            self._path.chmod(0o600)
-        except OSError as error:
-            self.close()
-            raise CompanionError(f"{self._path}: cannot bind the control socket: {error.strerror or error}") from None
+        """Listens from now on. Raises CompanionError when another service holds a socket, or it cannot be made."""
+        await self._open(self._path, 0o600, self._answer)
+        if self._status_path is not None:
+            await self._open(self._status_path, 0o660, self._answer_status)
 
     async def run(self) -> None:
         """Serves until cancelled; opens what is not open yet, and raises as that does."""
-        if self._server is None:
+        if not self._servers:
             await self.open()
         try:
             await asyncio.get_running_loop().create_future()
@@ -49,43 +55,78 @@ class ControlServer:
 
     def close(self) -> None:
         """Harmless when repeated. Waits for nobody: since Python 3.12 a server waits for its clients to leave."""
-        server, self._server = self._server, None
-        if server is not None:
+        servers, self._servers = self._servers, []
+        for path, server in servers:
             server.close()
-            self._path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
-    async def _refuse_second_service(self) -> None:
+    async def _open(self, path: Path, mode: int, answer: Answer) -> None:
         try:
-            _, writer = await asyncio.open_unix_connection(self._path)
-        except FileNotFoundError:
-            return
-        except ConnectionRefusedError:
-            if not self._path.is_socket():
-                raise CompanionError(f"{self._path}: it is no socket; expected a path for the control socket") from None
-            self._path.unlink(missing_ok=True)
-            return
+            await _refuse_second_service(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            serve = functools.partial(_serve, answer)
+            self._servers.append((path, await asyncio.start_unix_server(serve, path, limit=_LINE_BYTES)))
+            _permit(path, mode)
         except OSError as error:
-            raise CompanionError(f"{self._path}: cannot bind the control socket: {error.strerror or error}") from None
-        writer.close()
-        raise CompanionError(f"{self._path}: another service is running on this control socket")
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(ConnectionError, ValueError):
-            while line := await reader.readline():
-                writer.write(json.dumps(await self._answer(line, writer)).encode() + b"\n")
-                await writer.drain()
-        writer.close()
+            self.close()
+            raise CompanionError(f"{path}: cannot bind the control socket: {error.strerror or error}") from None
+        except CompanionError:
+            self.close()
+            raise
 
     async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
         peer: socket.socket = writer.get_extra_info("socket")
         _, uid, _ = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
         if uid not in (0, os.getuid()):
             return {"ok": False, "error": f"user {uid} may not command this service"}
-        try:
-            command = json.loads(line)["command"]
-        except (ValueError, KeyError, TypeError, RecursionError):
-            return {"ok": False, "error": 'expected one line like {"command": "status"}'}
-        return await self._handler(str(command))
+        command = _command_of(line)
+        return _NO_COMMAND if command is None else await self._handler(command)
+
+    async def _answer_status(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
+        """Who may open the socket may ask; the file's mode decides that."""
+        command = _command_of(line)
+        if command is None:
+            return _NO_COMMAND
+        if command not in _CHANGE_NOTHING:
+            return {"ok": False, "error": f"{command!r} is for the service's user and root; here you may ask: status"}
+        return await self._handler(command)
+
+
+async def _refuse_second_service(path: Path) -> None:
+    try:
+        _, writer = await asyncio.open_unix_connection(path)
+    except FileNotFoundError:
+        return
+    except ConnectionRefusedError:
+        _remove_stale(path)
+        return
+    writer.close()
+    raise CompanionError(f"{path}: another service is running on this control socket")
+
+
+def _remove_stale(path: Path) -> None:
+    if not path.is_socket():
+        raise CompanionError(f"{path}: it is no socket; expected a path for the control socket") from None
+    path.unlink(missing_ok=True)
+
+
+def _permit(path: Path, mode: int) -> None:
+    path.chmod(mode)
+
+
+async def _serve(answer: Answer, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(ConnectionError, ValueError):
+        while line := await reader.readline():
+            writer.write(json.dumps(await answer(line, writer)).encode() + b"\n")
+            await writer.drain()
+    writer.close()
+
+
+def _command_of(line: bytes) -> str | None:
+    try:
+        return str(json.loads(line)["command"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
 async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any]:
@@ -100,7 +141,9 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
     except (FileNotFoundError, ConnectionRefusedError):
         raise CompanionError(f"{path}: no service is running there") from None
     except PermissionError:
-        raise CompanionError(f"{path}: permission denied; run as the service's user or root") from None
+        raise CompanionError(
+            f"{path}: permission denied; run as the service's user or root, and for the status as a member of its group"
+        ) from None
     except (TimeoutError, ConnectionError, ValueError, RecursionError):
         raise CompanionError(f"{path}: the service does not answer") from None
     except OSError as error:
@@ -108,3 +151,11 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any
     if not isinstance(answer, dict):
         raise CompanionError(f"{path}: what answers there is no service of this program")
     return answer
+
+
+async def ask_status(path: Path, timeout_s: float = 5.0) -> dict[str, Any]:
+    """As `ask`, of the control socket at `path` or, for whom that one is closed, of the status socket beside it."""
+    beside = path.with_name(STATUS_SOCKET)
+    if not os.access(path, os.R_OK | os.W_OK) and os.access(beside, os.R_OK | os.W_OK):
+        path = beside
+    return await ask(path, "status", timeout_s)

@@ -7,6 +7,7 @@ changes over, then `next_key_file` becomes `key_file`. Meanwhile both are valid.
 from __future__ import annotations
 
 import os
+import pwd
 import secrets
 import stat
 from pathlib import Path
@@ -35,16 +36,25 @@ def read_key(path: Path) -> bytes:
     return key
 
 
-def write_key(path: Path) -> None:
-    """A new random key with mode 0600 from its first moment. Raises CompanionError; an existing file is never
-    replaced."""
+def write_key(path: Path, owner: str | None = None) -> None:
+    """A new random key with mode 0600 from its first moment, of the user `owner` where that is given. Raises
+    CompanionError; an existing file is never replaced."""
+    uid = -1 if owner is None else _uid(owner)
     made = False
     try:
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
             made = True
             file.write(secrets.token_bytes(wire.MIN_KEY_BYTES))
             os.fchmod(file.fileno(), 0o600)  # whatever the umask took away
+            os.fchown(file.fileno(), uid, -1)
     except OSError as error:
         if made:  # a key that is cut short would be taken for one
             path.unlink(missing_ok=True)
         raise CompanionError(f"{path}: cannot write the key: {error.strerror}") from None
+
+
+def _uid(owner: str) -> int:
+    try:
+        return pwd.getpwnam(owner).pw_uid
+    except KeyError:
+        raise ConfigError(f"{owner}: there is no such user") from None

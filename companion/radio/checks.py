@@ -42,13 +42,14 @@ class System:
     modules: Path = Path("/sys/module")
     networks: Path = Path("/sys/class/net")
     debug: Path = Path("/sys/kernel/debug")
+    phys: Path = Path("/sys/class/ieee80211")
 
 
 def static_checks(config: Config, system: System) -> Iterator[Check]:
     """What can be read without waiting for packets."""
     if config.csi.source == "unix":
         yield Check("driver", None, "csi.source is unix: the records come from a process, not from a driver")
-    else:
+    elif config.csi.source == "netlink":
         yield _module(system)
         reason = connector_available(config.csi.connector_idx)
         yield Check(

@@ -21,7 +21,8 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
     node = Node(config, clock, recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
-    control = ControlServer(config.path(config.control_socket), lambda command: _answer(node, command))
+    sockets = config.path(config.control_socket), config.path(config.status_socket)
+    control = ControlServer(sockets[0], lambda command: _answer(node, command), sockets[1])
     try:
         node.open()
         await control.open()

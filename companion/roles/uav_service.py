@@ -40,7 +40,8 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     )
     worker.answers.connect(uav.sar.take_answer)
     worker.readiness.connect(uav.sar.note_worker)
-    control = ControlServer(config.path(config.control_socket), lambda command: _answer(uav, command))
+    sockets = config.path(config.control_socket), config.path(config.status_socket)
+    control = ControlServer(sockets[0], lambda command: _answer(uav, command), sockets[1])
     try:
         uav.node.open()
         await control.open()

@@ -37,7 +37,7 @@ def robot() -> Iterator[Path]:
             (folder / key).chmod(0o600)
         for shipped in (ROOT / "configs").glob("[bu]*.yaml"):
             text = shipped.read_text(encoding="utf-8")
-            for there in ("/run/companion", "/var/lib/companion", "/etc/companion"):
+            for there in ("/run/companion", "/var/lib/companion", "/var/log/companion", "/etc/companion"):
                 text = text.replace(there, name)
             # Of a network for documents: no host has it.
             (folder / shipped.name).write_text(text.replace("192.168.1.255", "203.0.113.255"), encoding="utf-8")

@@ -127,6 +127,8 @@ _COMMANDS: Final[dict[str, list[list[str]]]] = {
     "feed": [["{}", "--unix", _ABSENT]],
     "csi": [["{}"]],
     "keygen": [["{}"]],
+    "config": [["check", "{}"], ["show", "{}"], ["units", "{}"], ["schema", "--since", "{}"]],
+    "radio": [["--config", "{}", "--dry-run"]],
     "doctor": [["radio", "--config", "{}"]],
     "check-axes": [["--config", "{}"]],
     "demo": [],

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from companion.errors import CompanionError
-from companion.host.control_socket import ControlServer, ask
+from companion.host.control_socket import ControlServer, ask, ask_status
 from tests.control_socket import serving
 
 
@@ -38,6 +38,10 @@ with socket.socket(socket.AF_UNIX) as asking:
     asking.sendall(b'{"command": "engage"}\\n')
     print(asking.recv(1024).decode())
 """
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
 
 
 def _let_in(path: Path, mode: int) -> None:
@@ -100,3 +104,69 @@ async def test_a_second_service_is_refused_and_a_stale_socket_replaced(tmp_path:
     path.unlink()
     with pytest.raises(CompanionError, match="no service is running there"):
         await ask(path, "status")
+
+
+_MEMBER = """
+import asyncio, os, sys
+from pathlib import Path
+from companion.errors import CompanionError
+from companion.host.control_socket import ask, ask_status
+os.chdir(sys.argv[1])
+os.setgroups([])
+os.setgid(int(sys.argv[2]))
+os.setuid(65534)
+async def asked(way, *words):
+    try:
+        return await way(*words)
+    except CompanionError as error:
+        return str(error)
+print(asyncio.run(asked(ask, Path("control.sock"), "engage")))
+print(asyncio.run(asked(ask, Path("status.sock"), "engage")))
+print(asyncio.run(asked(ask_status, Path("control.sock"))))
+"""
+
+
+async def _as_member(folder: Path, group: int) -> list[str]:
+    arguments = (sys.executable, "-c", _MEMBER, str(folder), str(group))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = await asyncio.create_subprocess_exec(*arguments, stdout=PIPE, stderr=STDOUT, env=environment)
+    return (await process.communicate())[0].decode().splitlines()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+async def test_the_group_may_ask_for_the_status_and_nothing_else(tmp_path: Path) -> None:
+    heard = list[str]()
+
+    async def note(command: str) -> dict[str, Any]:
+        heard.append(command)
+        return {"ok": True}
+
+    server = ControlServer(tmp_path / "control.sock", note, tmp_path / "status.sock")
+    await server.open()
+    try:
+        _let_in(tmp_path, 0o711)
+        os.chown(tmp_path / "status.sock", -1, 4242)  # as where the service's own group is that one
+        assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("control.sock", "status.sock")] == [0o600, 0o660]
+        refused, told, answered = await _as_member(tmp_path, 4242)
+        assert "control.sock: permission denied" in refused
+        assert "'engage' is for the service's user and root" in told
+        assert answered == "{'ok': True}" and heard == ["status"]
+        strangers = await _as_member(tmp_path, 65534)
+        assert all("permission denied" in line for line in strangers) and heard == ["status"]
+    finally:
+        server.close()
+    assert _names(tmp_path) == []
+
+
+async def test_one_socket_that_is_taken_leaves_neither_behind(tmp_path: Path) -> None:
+    (tmp_path / "status.sock").write_text("a file")
+    with pytest.raises(CompanionError, match=r"status\.sock: it is no socket"):
+        await ControlServer(tmp_path / "control.sock", echo, tmp_path / "status.sock").open()
+    assert _names(tmp_path) == ["status.sock"]
+
+
+async def test_who_may_command_asks_the_control_socket(tmp_path: Path) -> None:
+    async with serving(tmp_path / "control.sock", echo):
+        assert await ask_status(tmp_path / "control.sock") == {"ok": True, "got": "status"}
+    with pytest.raises(CompanionError, match="no service is running there"):
+        await ask_status(tmp_path / "control.sock")

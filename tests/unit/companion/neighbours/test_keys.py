@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 import sys
 from pathlib import Path
@@ -33,3 +34,16 @@ def test_keys_are_private_and_never_replaced(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "c.key").write_bytes(b"short")
     with pytest.raises(ConfigError, match="at least 32"):
         read_key(tmp_path / "c.key")
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give files away")
+def test_a_key_can_be_made_for_the_services_user(tmp_path: Path) -> None:
+    write_key(tmp_path / "a.key", "nobody")
+    assert (tmp_path / "a.key").owner() == "nobody"
+    assert stat.S_IMODE((tmp_path / "a.key").stat().st_mode) == 0o600
+
+
+def test_a_key_for_nobody_known_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no-such-user: there is no such user"):
+        write_key(tmp_path / "a.key", "no-such-user")
+    assert not (tmp_path / "a.key").exists()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from typing import Any
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
@@ -14,16 +15,20 @@ from companion.core.messages import VehicleState
 from companion.errors import ConfigError
 from companion.flight.status import vehicle_name
 from companion.radio.checks import Check
-from companion.safety.preflight import Heights, parameter_problems, required_parameters
+from companion.safety.preflight import Heights, Requirement, parameter_problems, required_parameters
 
 _VERSION_S = 3.0
 _LOOK_S = 0.05
+_STOP = "systemctl stop companion, then companion doctor autopilot"
 
 
-async def autopilot_checks(config: Config, seconds: float) -> list[Check]:
-    """Commands nothing. Raises ConfigError where the configuration has no autopilot."""
+async def autopilot_checks(config: Config, seconds: float, status: dict[str, Any] | None = None) -> list[Check]:
+    """Commands nothing. `status` is what a running service says of itself: it holds the link then. Raises ConfigError
+    where the configuration has no autopilot."""
     if config.autopilot is None:
         raise ConfigError(f"role {config.role}: there is no autopilot to look at")
+    if status is not None:
+        return [_of_service(status), Check("parameters", None, "the running service holds the link", _STOP)]
     try:
         async with _connected(config.autopilot, seconds) as edge:
             vehicle = Check("vehicle", True, vehicle_name(edge.state()))
@@ -31,6 +36,14 @@ async def autopilot_checks(config: Config, seconds: float) -> list[Check]:
     except AutopilotError as error:
         taken = "is the service running? companion status names its vehicle" if "taken" in str(error) else ""
         return [Check("vehicle", False, str(error), taken)]
+
+
+def _of_service(status: dict[str, Any]) -> Check:
+    vehicle = status.get("vehicle") or {}
+    if vehicle.get("system_id") is None:
+        return Check("vehicle", False, "the running service hears none", "is it on, and its MAVLink at this URL?")
+    named = f"system {vehicle['system_id']}, {vehicle.get('autopilot') or 'unknown'} {vehicle.get('firmware') or ''}"
+    return Check("vehicle", True, f"the running service has {named.strip()}")
 
 
 @contextlib.asynccontextmanager
@@ -59,15 +72,24 @@ def _arming(vehicle: VehicleState) -> Check:
 
 
 async def _parameters(config: Config, gps: bool, edge: MavsdkAutopilot) -> list[Check]:
+    """One line for each, with its value."""
     values: dict[str, float | str] = {}
     for requirement in required_parameters(gps):
         try:
             values[requirement.name] = await edge.parameter(requirement.name)
         except AutopilotError as error:
             values[requirement.name] = str(error)
-    problems = list(
-        parameter_problems(values, gps, Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2]))
-    )
-    if not problems:
-        return [Check("parameters", True, f"all {len(values)} are as engage wants them")]
-    return [Check("parameter", False, problem) for problem in problems]
+    heights = Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2])
+    problems = list(parameter_problems(values, gps, heights))
+    return [_parameter(requirement, values[requirement.name], problems) for requirement in required_parameters(gps)]
+
+
+def _parameter(requirement: Requirement, value: float | str, problems: list[str]) -> Check:
+    name = requirement.name
+    wrong = next((problem for problem in problems if problem.split()[1] == name), None)
+    if isinstance(value, str):
+        return Check(name, False, value, f"wanted {requirement.wanted}: {requirement.why}")
+    if wrong is None:
+        return Check(name, True, f"{value:g}")
+    return Check(name, False, f"{value:g}; wanted {requirement.wanted}: {requirement.why}",
+                 "set it at the ground station, or load configs/px4 (companion config example gps)")  # fmt: skip
