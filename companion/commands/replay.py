@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+import threading
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -100,7 +103,7 @@ def _replay(
         if live_page:
             from companion.replay.live_page import replay_with_page
 
-            result = replay_with_page(player, session, speed, port, lambda url: click.echo(f"the replay is at {url}"))
+            result = replay_with_page(player, session, speed, port, _announce, _stay)
         else:
             with tracked_bytes("replaying") as progress:
                 result = replay_log(player, session, speed, progress)
@@ -112,6 +115,18 @@ def _replay(
             f"the log is cut off or damaged: {result.flight_s:.1f} s can be replayed, up to its last whole event"
         )
     _conclude(session, config, result, (is_check, config_path, json_path, out), console)
+
+
+def _announce(url: str) -> None:
+    click.echo(f"the replay is at {url}")
+
+
+def _stay() -> None:
+    """On a terminal the page stays until its person has seen enough."""
+    if sys.stdin.isatty() and sys.stdout.isatty():
+        click.echo("the replay has ended; the page stays until Ctrl-C")
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait()
 
 
 def _other_config(path: Path) -> Config:

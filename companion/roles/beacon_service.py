@@ -15,11 +15,13 @@ from companion.host.notify import feed_watchdog, notify
 from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
+from companion.roles.page import Page
 
 
 async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
-    node = Node(config, clock, recorder, LiveInputs(config))
+    page = Page(config, clock, recorder)
+    node = Node(config, clock, page.recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
     control = ControlServer(config.path(config.control_socket), lambda command: _answer(node, command))
     try:
@@ -29,12 +31,14 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
             tasks.create_task(node.run(ending.begin), name="node")
             tasks.create_task(control.run(), name="control")
             tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+            page.start(lambda: {"state": "beacon"})
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
     finally:
         control.close()
         node.close()
+        await page.aclose()
 
 
 async def _answer(node: Node, command: str) -> dict[str, Any]:
