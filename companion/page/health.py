@@ -59,9 +59,7 @@ def as_rows(items: Sequence[Item]) -> list[dict[str, str]]:
 
 def _service(look: HealthLook) -> Iterator[Item]:
     if look.silent_s > 3.0:
-        yield Item(
-            BAD, "service", f"silent for {look.silent_s:.0f} s", "journalctl -u companion; take over"
-        )
+        yield Item(BAD, "service", f"silent for {look.silent_s:.0f} s", "journalctl -u companion; take over")
     elif look.health is None:
         yield Item(WARNING, "service", "no health told yet", "wait a second")
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from companion.page import parts
-from companion.page.health import Item, HealthLook, as_rows, health_list
+from companion.page.health import HealthLook, Item, as_rows, health_list
 from companion.page.next_step import AT_REST, next_step
 
 _TRAIL: Final = 1500

@@ -1,6 +1,6 @@
 """The page's own process: a feed on standard input, HTTP out, until the feed ends.
 
-Started by `python -m companion.page.server SETTINGS`, SETTINGS as JSON (`PageSettings`). Says on standard output where it
+Started by `python -m companion.page.server SETTINGS`, `PageSettings` as JSON. Says on standard output where it
 listens, and when somebody looks for the first time, one line each. It may be killed, stopped or flooded: whoever feeds
 it does not wait.
 """
