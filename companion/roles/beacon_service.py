@@ -12,6 +12,7 @@ from companion.core.recorder import Recorder
 from companion.host.control_socket import ControlServer
 from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
+from companion.log.feed import introduction
 from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
@@ -44,4 +45,5 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
 async def _answer(node: Node, command: str) -> dict[str, Any]:
     if command != "status":
         return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
-    return {"ok": True, "state": "beacon", "health": asdict(node.health())}
+    about = introduction(node.config, "live")
+    return {"ok": True, "about": about, "state": "beacon", "health": asdict(node.health())}

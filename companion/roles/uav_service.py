@@ -16,6 +16,7 @@ from companion.host.control_socket import ControlServer
 from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
 from companion.host.priority import keep_priority, raise_priority
+from companion.log.feed import introduction
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.page import Page
@@ -70,7 +71,8 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
 async def _answer(uav: Uav, command: str) -> dict[str, Any]:
     match command:
         case "status":
-            return {"ok": True, **uav.flight.status(), "health": asdict(uav.node.health())}
+            about = introduction(uav.node.config, "live")
+            return {"ok": True, "about": about, **uav.flight.status(), "health": asdict(uav.node.health())}
         case "engage":
             refusal = await uav.flight.wishes.engage()
             return {"ok": not refusal, "error": refusal, "vehicle": uav.flight.wishes.vehicle}
