@@ -42,16 +42,16 @@ def refusal_part(iteration: Message, t_s: float) -> Part:
 
 
 def target_part(report: Message, t_s: float) -> Part:
-    """Of a `TargetReport`. Rivals are places of the same moment as the target's."""
-    target = report["target"]
-    place, origin = report["p_local_enu_m"], target["origin_local_enu_m"]
-    moved = [p - o for p, o in zip(place, origin, strict=True)]
+    """Of a `TargetReport`. Rivals are places of the same moment as the target's. In old logs it may have no place."""
+    target, place = report["target"], report["p_local_enu_m"]
+    moved = [p - o for p, o in zip(place, target["origin_local_enu_m"], strict=True)] if place is not None else []
     rivals = [
         {
             "p_m": _rounded([o + m for o, m in zip(rival["origin_local_enu_m"], moved, strict=True)]),
             "probability": round(rival["probability"], 2),
         }
         for rival in target.get("rivals", ())
+        if place is not None
     ]
     return {
         "t_s": round(t_s, 2),

@@ -70,7 +70,7 @@ const Draw = (() => {
   // The map: path, fence, bearings, the target as it is believed, North up, a scale.
   function map(canvas, view, path) {
     const {pen, width, height} = begin(canvas, 0.85);
-    const here = view.vehicle && view.vehicle.p_m, target = view.target;
+    const here = view.vehicle && view.vehicle.p_m, target = view.target && view.target.p_m ? view.target : null;
     const shown = path.trail.map(p => [p[0], p[1]]).concat(path.bearings.map(b => [b[0], b[1]]));
     if (here) shown.push([here[0], here[1]]);
     if (target) shown.push([target.p_m[0], target.p_m[1]]);
@@ -167,7 +167,7 @@ const Draw = (() => {
       bearing.others.forEach(one => line(pen, [centre, at(one.azimuth_deg, 0.35 + 0.45 * Math.min(1, one.share))], C.soft, [3, 3]));
       line(pen, [centre, at(bearing.azimuth_deg, 0.95)], C.bearing, [], 3);
     }
-    const here = view.vehicle && view.vehicle.p_m, target = view.target;
+    const here = view.vehicle && view.vehicle.p_m, target = view.target && view.target.p_m ? view.target : null;
     if (target) {
       const to = p => here ? Math.atan2(p[1] - here[1], p[0] - here[0]) / RAD : target.azimuth_deg;
       target.rivals.forEach(rival => { line(pen, [centre, at(to(rival.p_m), 0.7)], C.target, [2, 4]);

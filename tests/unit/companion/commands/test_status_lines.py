@@ -37,7 +37,7 @@ def test_a_flight_in_a_persons_words() -> None:
         "compass 148° ± 1.1° (-58.3° from East), elevation -11.2° ± 1.2°, reliability 0.93, iteration 9"
     )
     assert lines["target"] == (
-        "17.3 m ± 11.9 m away, its range hardly known; 90 % sure of this place, 1 other places possible"
+        "17.3 m ± 11.9 m away, its range hardly known; 90 % sure of this place, 1 other place possible"
     )
     assert "missing" not in lines  # what stands against engaging is no news in flight
     assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}

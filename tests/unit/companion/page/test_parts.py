@@ -42,6 +42,7 @@ def test_a_target_of_an_older_log_has_no_ellipse() -> None:
         del old["target"][key]
     part = target_part(old, 5.0)
     assert part["ellipse"] is None and part["rivals"] == [] and part["probability"] is None
+    assert target_part(target() | {"p_local_enu_m": None}, 5.0)["p_m"] is None
 
 
 def test_a_vehicle_is_named_and_its_link_aged() -> None:
