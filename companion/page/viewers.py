@@ -20,6 +20,8 @@ PERIOD_S: Final = 0.2
 _MOST: Final = 16
 _QUIET_S: Final = 1.0
 """Without news a picture is sent this often, so that a browser knows that the line is there."""
+_PATH_S: Final = 1.0
+"""All of the way flown is sent this often at most; a view has where the vehicle is now."""
 _TAKES_S: Final = 10.0
 """A browser that has not taken one for so long is let go; it comes back by itself."""
 _RETRY_MS: Final = 1000
@@ -37,6 +39,7 @@ class Viewers:
         self._news = asyncio.Condition()
         self._view = b""
         self._path: tuple[int, bytes] = (-1, b"")
+        self._path_made_s = -_PATH_S
         self._profile: tuple[int, bytes] = (-1, b"")
         self._number = 0
 
@@ -109,7 +112,9 @@ class Viewers:
         model = self.model
         self._number += 1
         self._view = _event("view", model.view(self.silent_s()))
-        if self._path[0] != model.path_version:
+        now_s = time.monotonic()
+        if self._path[0] != model.path_version and now_s - self._path_made_s >= _PATH_S:
+            self._path_made_s = now_s
             self._path = model.path_version, _event("path", model.path())
         if self._profile[0] != model.profile_version:
             self._profile = model.profile_version, _event("profile", model.profile)

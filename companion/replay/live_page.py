@@ -82,6 +82,11 @@ class LivePage:
             if stream is not None:
                 stream.close()
 
+    @property
+    def pid(self) -> int:
+        """Of the page's process."""
+        return self._process.pid
+
     def wait_for_viewer(self) -> None:
         self._seen.wait(_PATIENCE_S)
 
