@@ -87,14 +87,14 @@ def _replay(
     out: Path | None,
 ) -> None:
     if session.metadata.get("role") == "recording":
-        for name, is_given in (("--check", is_check), ("--config", config_path), ("--live-page", live_page)):
+        for name, is_given in (("--check", is_check), ("--config", config_path)):
             if is_given:
                 raise click.UsageError(
                     f"{name}: {session.paths[0]} is an imported recording, which has no decisions to compare and no "
                     "mission; its replay gives its bearings (other estimators: companion log export, then analyze "
                     "--estimator)"
                 )
-        _replay_recording(session, json_path, out)
+        _replay_recording(session, json_path, out, port if live_page else None)
         return
     config = session.config() if config_path is None else _other_config(config_path)
     console = wide_console(_WIDTH)
@@ -219,9 +219,10 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
     return rows
 
 
-def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
-    """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
-    from companion.analysis.imported import analyze_session
+def _replay_recording(session: Session, json_path: Path | None, out: Path | None, port: int | None) -> None:
+    """An imported recording has no mission: its bearings are made again by the code of `companion analyze`. With a
+    `port` a page shows them."""
+    from companion.analysis.imported import analyze_session, path_of_recording
     from companion.analysis.summary import as_json, note_lines, problem_lines
     from companion.commands.tables import run_table
 
@@ -239,6 +240,11 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
         from companion.commands.recordings import draw_profiles
 
         draw_profiles(result, out)
+    if port is not None:
+        from companion.replay.recording_page import show_recording
+
+        path_m = path_of_recording(session, result.kind)
+        show_recording(result, path_m, session.paths[0].name, port, _announce, _stay)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

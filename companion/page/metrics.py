@@ -101,7 +101,7 @@ def _vehicle(model: Model) -> Iterator[tuple[str, str, str, list[_Sample]]]:
         "Charge of the emptiest battery.",
         [({}, vehicle.get("battery_remaining"))],
     )
-    yield "companion_vehicle_armed", "gauge", "Whether it is armed.", [({}, float(vehicle["armed"]))]
+    yield "companion_vehicle_armed", "gauge", "Whether it is armed.", [({}, float(vehicle.get("armed", False)))]
     place = vehicle.get("p_local_enu_m") or (None, None, None)
     yield (
         "companion_vehicle_position_meters",

@@ -61,7 +61,8 @@ class Model:
         )
 
     def items(self, silent_s: float = 0.0) -> list[Item]:
-        return health_list(self.look(silent_s)) if self.known else []
+        """Nothing of a recording: it is well as it is."""
+        return health_list(self.look(silent_s)) if self.known and self.known["role"] != "recording" else []
 
     def view(self, silent_s: float = 0.0) -> dict[str, Any]:
         """What changes all the time, as plain values. `silent_s` has passed since the service last said anything."""
@@ -149,7 +150,7 @@ class Model:
 
     def _take_introduction(self, t_ns: int, data: Data) -> None:
         self.known = data
-        self._state = "beacon" if data["role"] == "beacon" else self._state or "idle"
+        self._state = data["role"] if data["role"] != "uav" else self._state or "idle"
 
     def _take_status(self, t_ns: int, data: Data) -> None:
         self._status = data

@@ -16,6 +16,8 @@ def next_step(state: str, control: str, mission: Mapping[str, Any], missing: int
     match state:
         case "beacon":
             return "Answers frames and broadcasts what it measures; nothing to do."
+        case "recording":
+            return "An imported recording: its bearings one after the other; it has no mission."
         case "idle" | "latched":
             return _at_rest(control, missing, state)
         case "preflight":
