@@ -16,6 +16,7 @@ BAD, WARNING, OK = "bad", "warning", "ok"
 _RANK: Final = {BAD: 0, WARNING: 1, OK: 2}
 _HEARTBEAT_S: Final = 1.5
 _BATTERY_MARGIN: Final = 0.1
+_SILENT_S: Final = 3.0
 _PAIRED: Final = 0.5
 _PACKETS_HZ: Final = 20.0
 """Fewer give an aperture too few packets."""
@@ -58,7 +59,7 @@ def as_rows(items: Sequence[Item]) -> list[dict[str, str]]:
 
 
 def _service(look: HealthLook) -> Iterator[Item]:
-    if look.silent_s > 3.0:
+    if look.silent_s > _SILENT_S and look.known.get("source") == "live":
         yield Item(BAD, "service", f"silent for {look.silent_s:.0f} s", "journalctl -u companion; take over")
     elif look.health is None:
         yield Item(WARNING, "service", "no health told yet", "wait a second")

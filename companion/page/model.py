@@ -32,7 +32,6 @@ class Model:
         """The feed's introduction; empty before it."""
         self.version = self.path_version = self.profile_version = 0
         """Counted up when what they are of has changed."""
-        self.profile: Data | None = None
         self.free_mib: float | None = None
         """On the log's disk, told by whoever looks at it."""
         self._forget()
@@ -111,6 +110,9 @@ class Model:
 
     def _forget(self) -> None:
         """Another flight begins."""
+        self.path_version += 1
+        self.profile_version += 1
+        self.profile: Data | None = None
         self._t_ns = 0
         self._start_ns: int | None = None
         self._ended = False

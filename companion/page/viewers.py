@@ -35,7 +35,7 @@ class Viewers:
         self.count = 0
         self._on_first = on_first
         self._is_seen = False
-        self._told_s = time.monotonic()
+        self._told_s, self._told_ns = time.monotonic(), 0
         self._news = asyncio.Condition()
         self._view = b""
         self._path: tuple[int, bytes] = (-1, b"")
@@ -44,12 +44,13 @@ class Viewers:
         self._number = 0
 
     def take(self, datagram: Mapping[str, Any]) -> None:
-        """One datagram of the feed."""
-        self._told_s = time.monotonic()
+        """One datagram of the feed. Counts come by themselves: they are news only when the service's time goes on."""
+        if datagram["topic"] != "counts" or datagram["t_ns"] > self._told_ns:
+            self._told_s, self._told_ns = time.monotonic(), datagram["t_ns"]
         self.model.take(datagram["topic"], datagram["t_ns"], datagram["data"])
 
     def silent_s(self) -> float:
-        """Since the feed said anything."""
+        """Since the service said anything, or its time went on."""
         return time.monotonic() - self._told_s
 
     def note_visit(self) -> None:

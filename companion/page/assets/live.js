@@ -57,7 +57,7 @@
     document.title = `${view.name || 'companion'} ${view.mission ? view.mission.state : ''}`;
     const from = view.source === 'live' ? '' : `replay of ${view.source}, `;
     if (ended) say(`${view.name}: ${from}ended at ${view.t_s.toFixed(1)} s; this is how it ended`, 'quiet');
-    else if (view.silent_s > 3) say(`Nothing from the service for ${view.silent_s.toFixed(0)} s`, 'bad');
+    else if (view.silent_s > 3 && view.source === 'live') say(`Nothing from the service for ${view.silent_s.toFixed(0)} s`, 'bad');
     else if (view.introduced) say(`${view.name}, ${view.role}: ${from}${view.t_s.toFixed(1)} s`, 'quiet');
     panels.show(view);
   }

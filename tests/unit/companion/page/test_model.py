@@ -71,7 +71,7 @@ def test_a_clock_that_begins_anew_is_another_flight() -> None:
     model = flown()
     model.take("counts", 10 * S, counts(0))
     assert model.path() == {"trail": [], "bearings": []}
-    assert model.view()["bearing"] is None and model.view()["introduced"]
+    assert model.view()["bearing"] is None and model.view()["introduced"] and model.profile is None
 
 
 def test_before_anything_was_told_there_is_a_view_too() -> None:

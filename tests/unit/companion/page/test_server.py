@@ -16,6 +16,7 @@ from aiohttp.test_utils import TestServer
 
 from companion.page.server import PageServer, PageSettings, asset
 from companion.page.viewers import Viewers
+from tests.browser_session import Session
 from tests.control_socket import serving
 from tests.page_messages import S, counts, known, vehicle
 
@@ -163,6 +164,48 @@ async def test_a_service_that_is_gone_is_named(tmp_path: Path) -> None:
     async with page(token=WORD, control=tmp_path / "none.sock") as (_, server), asking(server) as session:
         answer = await session.post("/command/abort", headers=headers)
         assert answer.status == 409 and "no service" in (await answer.json())["error"]
+
+
+async def test_a_loop_that_stands_still_is_silence_though_its_feed_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with page() as (viewers, _):
+        now_s = [100.0]
+        monkeypatch.setattr("companion.page.viewers.time.monotonic", lambda: now_s[0])
+        viewers.take({"topic": "counts", "t_ns": 5 * S, "data": counts(3)})
+        now_s[0] = 109.0
+        viewers.take({"topic": "counts", "t_ns": 5 * S, "data": counts(3)})
+        assert viewers.silent_s() == 9.0
+        assert viewers.model.items(viewers.silent_s())[0].text == "silent for 9 s"
+        viewers.take({"topic": "counts", "t_ns": 6 * S, "data": counts(4)})
+        assert viewers.silent_s() == 0.0
+
+
+async def test_a_person_engages_in_the_browser_and_confirms(tmp_path: Path) -> None:
+    control, asked = tmp_path / "control.sock", list[str]()
+
+    async def answer(command: str) -> dict[str, Any]:
+        asked.append(command)
+        return {"ok": False, "error": "no packets"}
+
+    async with serving(control, answer), page(token=WORD, control=control) as (_, server):
+        asked.clear()
+        await asyncio.to_thread(_engage, str(server.make_url(f"/?token={WORD}")), tmp_path)
+        assert asked == ["engage"]
+
+
+def _engage(url: str, folder: Path) -> None:
+    click = "[...document.querySelectorAll('button')].find(one => one.textContent === 'WORD').click()"
+    with Session(folder) as browser:
+        browser.open(url)
+        browser.until("document.querySelectorAll('#page button').length", lambda count: count == 2)
+        browser.value(click.replace("WORD", "engage"))
+        assert "Hand the vehicle" in browser.value("document.getElementById('dialog').textContent")
+        browser.value(click.replace("WORD", "No"))
+        assert browser.value("document.getElementById('dialog')") is None
+        browser.value(click.replace("WORD", "engage"))
+        browser.value(click.replace("WORD", "Yes, engage"))
+        browser.until("document.getElementById('page').textContent", lambda text: "refused: no packets" in text)
+        assert browser.value("location.search") == ""
+        assert [line for line in browser.console if "409" not in line] == []
 
 
 async def test_health_is_of_the_feed(monkeypatch: pytest.MonkeyPatch) -> None:
