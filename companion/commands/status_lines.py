@@ -22,7 +22,7 @@ def person_lines(status: Values) -> Iterator[tuple[str, str]]:
     """(label, text), the most important first."""
     about, state = status["about"], str(status["state"])
     missing = status.get("not_ready", []) if state in AT_REST else []
-    yield "state", f"{about['name']}: {state.replace('_', ' ')}"
+    yield "state", f"{about['name']}: {'serving' if state == 'beacon' else state.replace('_', ' ')}"
     yield "next", next_step(state, about["control"], about["mission"], len(missing))
     if state == "beacon":
         return
@@ -77,7 +77,7 @@ def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:
         yield "position", "none"
         return
     heading = "" if yaw_rad is None else f", heading {compass_deg(math.degrees(yaw_rad)):.0f}°"
-    yield "position", "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*place) + heading
+    yield "position", "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*(round(p, 1) + 0.0 for p in place)) + heading
 
 
 def _bearing(bearing: Values | None, is_stale: bool) -> str:

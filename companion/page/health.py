@@ -130,6 +130,7 @@ def _radio(look: HealthLook) -> Iterator[Item]:
 
 
 def _neighbours(look: HealthLook) -> Iterator[Item]:
+    pairs = look.known.get("role") == "uav"  # a beacon hears pings and joins nothing
     for name, one in (look.health or {}).get("neighbours", {}).items():
         state = one["state"]
         if state == "refused":
@@ -138,6 +139,8 @@ def _neighbours(look: HealthLook) -> Iterator[Item]:
             yield Item(BAD, name, "never heard", "start it; check neighbours.broadcast, port and keys")
         elif state in ("stale", "lost"):
             yield Item(BAD, name, f"silent for {one['age_s']:.0f} s", "is it on, and within reach?")
+        elif not pairs:
+            yield Item(OK, name, "heard")
         elif state == "discovered":
             yield Item(WARNING, name, "its clock is not related to ours yet", "wait for shared packets")
         elif one["pairing_rate"] is not None and one["pairing_rate"] < _PAIRED:

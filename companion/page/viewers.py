@@ -83,7 +83,8 @@ class Viewers:
             await self._send(response, b"retry: %d\n" % _RETRY_MS + _event("page", about))
             await self._follow(response)
         except (ConnectionError, TimeoutError):
-            pass
+            if request.transport is not None:
+                request.transport.abort()  # what it has not taken is not waited for either
         finally:
             self.count -= 1
         return response

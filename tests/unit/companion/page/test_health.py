@@ -63,5 +63,7 @@ def test_neighbours_are_judged_by_their_standing(state: str, level: str) -> None
 
 
 def test_a_beacon_has_no_vehicle_to_miss() -> None:
-    told = HealthLook(known=known(role="beacon"), t_ns=S, health=health(), packets_hz=140.0)
+    heard = health()
+    heard["neighbours"]["beacon"] |= {"state": "discovered", "pairing_rate": 0.0}
+    told = HealthLook(known=known(role="beacon"), t_ns=S, health=heard, packets_hz=140.0)
     assert {item.level for item in health_list(told)} == {OK}
