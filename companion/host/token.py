@@ -12,7 +12,7 @@ from companion.errors import ConfigError
 from csi_bridge.regular_file import open_regular
 
 _LARGEST_BYTES: Final = 4096
-_TOKEN: Final = re.compile(r"[A-Za-z0-9_.~+/=-]{16,512}")
+_TOKEN: Final = re.compile(r"[A-Za-z0-9_.~-]{16,512}")
 
 
 def read_token(path: Path) -> str:
@@ -27,7 +27,7 @@ def read_token(path: Path) -> str:
         raise ConfigError(f"{path}: the token must be readable by its owner only: chmod 600 {path}")
     token = data.decode("ascii", "replace").strip()
     if not _TOKEN.fullmatch(token):
-        raise ConfigError(f"{path}: expected one word of 16 letters or digits or more, for example of base64")
+        raise ConfigError(f"{path}: expected one word of 16 letters or digits or more, - and _ among them")
     return token
 
 

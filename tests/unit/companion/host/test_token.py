@@ -23,7 +23,7 @@ def test_a_word_is_read_without_its_line_end(tmp_path: Path) -> None:
     assert read_token(_file(tmp_path, f"{WORD}\n")) == WORD
 
 
-@pytest.mark.parametrize("text", ["short", "", f"{WORD} {WORD}", f"{WORD}\0", "ü" * 20])
+@pytest.mark.parametrize("text", ["short", "", f"{WORD} {WORD}", f"{WORD}\0", "ü" * 20, f"{WORD}+/="])
 def test_what_is_no_word_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(ConfigError, match="16 letters"):
         read_token(_file(tmp_path, text))

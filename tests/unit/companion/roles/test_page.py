@@ -103,7 +103,7 @@ async def seen(port: int, is_so: Callable[[dict[str, Any]], bool]) -> dict[str, 
             await asyncio.sleep(0.1)
 
 
-async def test_a_page_killed_stopped_and_flooded_costs_the_loop_nothing() -> None:
+async def test_fault_50_a_page_killed_stopped_and_flooded_costs_the_loop_nothing() -> None:
     port = free_tcp_port()
     async with service(port) as (kept, begun):
         await seen(port, lambda view: view["introduced"] and view["vehicle"] is not None)
