@@ -33,6 +33,8 @@ def scrubbing(content: FlightContent) -> str:
 
 def summary_of(content: FlightContent) -> str:
     """One sentence: how the flight went and why it ended."""
+    if content.config.role == "beacon":
+        return f"A beacon's log: it served for {content.duration_s:.0f} s."
     bearings = sum(one.estimate is not None for one in content.iterations)
     return outcome(content.steps, _closest(content), bearings, content.duration_s)
 

@@ -20,7 +20,7 @@ _PAGE = "companion.page.server"
 _PATIENCE_S = 60.0
 
 
-async def test_a_page_killed_stopped_or_besieged_costs_the_flight_nothing(flying: Flying) -> None:
+async def test_fault_50_a_page_killed_stopped_or_besieged_costs_the_flight_nothing(flying: Flying) -> None:
     await flying.fly()
     port = flying.stage.uav.page.port
     view = await _seen(port, lambda view: view["vehicle"] is not None and view["mission"]["state"] in IN_OFFBOARD)

@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,3 +68,8 @@ def test_rows_are_thinned_evenly_and_keep_the_last() -> None:
     assert _thinned(list(range(10)), 20) == list(range(10))
     few = _thinned(list(range(1000)), 100)
     assert len(few) <= 101 and few[0] == 0 and few[-1] == 999
+
+
+def test_a_beacon_is_said_to_have_served(content: FlightContent) -> None:
+    config = replace(content.config, role="beacon", autopilot=None)
+    assert summary_of(FlightContent(session=content.session, config=config, duration_s=9.0)).endswith("served for 9 s.")
