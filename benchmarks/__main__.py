@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.intake import crowds, line, plot, throughput
+from benchmarks.page import PageCost, page_cost
 from benchmarks.profiles import ProfileRow, atom_profile_s, grid_times_s, profile_rows
 from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
 
@@ -73,13 +74,15 @@ def main(
     recording = recorder_cost()
     factor = replay_factor(_GOLDEN)
     _print_recording(recording, factor)
+    shown = page_cost()
+    _print_page(shown)
     memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
         figures |= {"grids_s": grids}
         figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
-        figures |= {"recording": asdict(recording), "replay_factor": factor}
+        figures |= {"recording": asdict(recording), "replay_factor": factor, "page": asdict(shown)}
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, grids, times, out)
@@ -124,6 +127,15 @@ def _print_recording(cost: RecorderCost, factor: float) -> None:
         f"{cost.dropped} dropped"
     )
     click.echo(f"replay of the golden log: {factor:.0f} times real time")
+
+
+def _print_page(cost: PageCost) -> None:
+    shares = f"{100 * cost.process_share:.1f} its process, {100 * cost.feed_share:.1f} the service's thread"
+    click.echo(
+        f"page with one viewer: {100 * (cost.process_share + cost.feed_share + cost.calls_share):.1f} % of a core "
+        f"({shares}, {100 * cost.calls_share:.1f} the calls), {cost.pictures / cost.seconds:.1f} pictures/s, "
+        f"{cost.kilobytes_per_s:.0f} kB/s, {cost.process_mb:.0f} MB, {cost.dropped} dropped"
+    )
 
 
 def _plot(rows: list[ProfileRow], grids: dict[int, float], times: EstimateTimes, out: Path) -> None:

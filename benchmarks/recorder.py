@@ -27,6 +27,7 @@ from companion.sensing.records import ApertureRecord
 
 _ROOT = Path(__file__).resolve().parents[1]
 _STEP_S = 0.005
+DueMessage = tuple[Stream, float, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +57,7 @@ def recorder_cost(seconds: float = 20.0) -> RecorderCost:
         assert writer.ident is not None
         writer_clock = time.pthread_getcpuclockid(writer.ident)
         begun_s = time.clock_gettime(writer_clock)
-        calls_s, longest_us = _drive(recorder, clock, seconds)
+        calls_s, longest_us = drive(recorder, clock, seconds, flight_messages())
         writer_s = time.clock_gettime(writer_clock) - begun_s
         recorder.close()
         counters = recorder.counters()
@@ -83,9 +84,9 @@ def replay_factor(log: Path) -> float:
     return result.flight_s / (time.perf_counter() - begun)
 
 
-def _drive(recorder: Recorder, clock: EventClock, seconds: float) -> tuple[float, float]:
-    """(processor time of all calls [s], longest call [us]) of a loop of 200 Hz that records what is due."""
-    due = _messages()
+def drive(recorder: Recorder, clock: EventClock, seconds: float, due: tuple[DueMessage, ...]) -> tuple[float, float]:
+    """(processor time of all calls [s], longest call [us]) of a loop of 200 Hz that records what is `due`;
+    a message that is a function is made by it."""
     left = [0.0] * len(due)
     begin = time.monotonic()
     calls_s = longest_s = 0.0
@@ -96,13 +97,14 @@ def _drive(recorder: Recorder, clock: EventClock, seconds: float) -> tuple[float
             if left[index] >= 1.0:
                 left[index] -= 1.0
                 before, cpu_before = time.perf_counter(), time.thread_time()
-                recorder.record(stream, clock.now_ns(), message)
+                recorder.record(stream, clock.now_ns(), message() if callable(message) else message)
                 calls_s += time.thread_time() - cpu_before
                 longest_s = max(longest_s, time.perf_counter() - before)
     return calls_s, 1e6 * longest_s
 
 
-def _messages() -> tuple[tuple[Stream, float, object], ...]:
+def flight_messages() -> tuple[DueMessage, ...]:
+    """Streams of a flight with their rates [Hz]."""
     pose = Pose(1, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.1, 0.1), 3)
     vehicle = VehicleState(
         t_mono_ns=1, heartbeat_mono_ns=1, mode=FlightMode.OFFBOARD, mode_mono_ns=1, armed=True, in_air=True,

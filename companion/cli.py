@@ -35,7 +35,7 @@ _COMMANDS: Final = {
     "replay": "a recorded flight decided again by the same code",
     "report": "a flight log as one page",
 }
-_MODULES: Final = {"engage": "control", "abort": "control", "status": "control", "check-axes": "check_axes"}
+_MODULES: Final = {"engage": "control", "abort": "control", "check-axes": "check_axes"}
 
 
 class _LazyGroup(click.Group):

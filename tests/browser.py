@@ -47,15 +47,6 @@ def visit(url: str, folder: Path) -> Visit:
     return Visit(done.stdout, console, _outside(requests, url))
 
 
-def screenshot(url: str, picture: Path, folder: Path) -> None:
-    assert CHROMIUM is not None
-    command = [
-        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}",
-        "--window-size=1200,4000", f"--screenshot={picture}", url,
-    ]  # fmt: skip
-    subprocess.run(command, capture_output=True, timeout=120, check=True, env=os.environ | {"HOME": str(folder)})
-
-
 def _outside(requests: Path, url: str) -> list[str]:
     """Of the requests that pages make: those of the browser itself for its own updates carry no initiator."""
     text = requests.read_text()

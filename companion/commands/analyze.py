@@ -85,7 +85,7 @@ def analyze(
     """Bearings from recorded CSI of both ends and a trajectory.
 
     RUN is a folder of recorded runs or one above several: all runs below it are analysed. Or give loose files with
-    --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and polar angle (from Up, 90 is level; where the
+    --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and elevation (above the horizon; where the
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None

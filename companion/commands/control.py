@@ -1,9 +1,8 @@
-"""`companion engage | abort | status`: commands to a running service over its control socket."""
+"""`companion engage | abort`: commands to a running service over its control socket."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import click
 from companion.errors import CompanionError
 from companion.host.control_socket import ask, ask_status
 
-_socket_option = click.option(
+socket_option = click.option(
     "--socket",
     "socket_path",
     type=click.Path(path_type=Path, readable=False),  # whoever may not, asks the status socket beside it
@@ -23,7 +22,8 @@ _socket_option = click.option(
 )
 
 
-def _ask(path: Path, command: str) -> dict[str, Any]:
+def asked(path: Path, command: str) -> dict[str, Any]:
+    """The answer of the service at `path`. Raises CompanionError when it refuses, or none is there."""
     answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command))
     if not answer.get("ok"):
         raise CompanionError(f"{command} refused: {answer.get('error', 'no reason given')}")
@@ -31,40 +31,19 @@ def _ask(path: Path, command: str) -> dict[str, Any]:
 
 
 @click.command()
-@_socket_option
+@socket_option
 def engage(socket_path: Path) -> None:
     """Hand the vehicle to the companion: preflight, take off, approach."""
-    answer = _ask(socket_path, "engage")
+    answer = asked(socket_path, "engage")
     click.echo(f"engaged: {answer['vehicle']}" if "vehicle" in answer else "engaged")
 
 
 @click.command()
-@_socket_option
+@socket_option
 def abort(socket_path: Path) -> None:
     """End the companion's flight: hold, and stay out until engaged again."""
-    _ask(socket_path, "abort")
+    asked(socket_path, "abort")
     click.echo("aborted")
-
-
-@click.command()
-@_socket_option
-@click.option("--json", "as_json", is_flag=True, help="Everything, as JSON.")
-def status(socket_path: Path, as_json: bool) -> None:
-    """Say what the service is doing."""
-    answer = _ask(socket_path, "status")
-    if as_json:
-        click.echo(json.dumps(answer, indent=2))
-        return
-    health = answer.pop("health", {})
-    for key, value in answer.items():
-        if not isinstance(value, dict) and key != "ok":
-            click.echo(f"{key:>20}  {value}")
-    try:
-        lines = list(radio_lines(health))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise CompanionError(f"{socket_path}: of another version ({error!r}); --json shows all") from None
-    for label, text in lines:
-        click.echo(f"{label:>20}  {text}")
 
 
 def radio_lines(health: dict[str, Any]) -> Iterator[tuple[str, str]]:

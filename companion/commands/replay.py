@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+import threading
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -84,14 +87,14 @@ def _replay(
     out: Path | None,
 ) -> None:
     if session.metadata.get("role") == "recording":
-        for name, is_given in (("--check", is_check), ("--config", config_path), ("--live-page", live_page)):
+        for name, is_given in (("--check", is_check), ("--config", config_path)):
             if is_given:
                 raise click.UsageError(
                     f"{name}: {session.paths[0]} is an imported recording, which has no decisions to compare and no "
                     "mission; its replay gives its bearings (other estimators: companion log export, then analyze "
                     "--estimator)"
                 )
-        _replay_recording(session, json_path, out)
+        _replay_recording(session, json_path, out, port if live_page else None)
         return
     config = session.config() if config_path is None else _other_config(config_path)
     console = wide_console(_WIDTH)
@@ -100,7 +103,7 @@ def _replay(
         if live_page:
             from companion.replay.live_page import replay_with_page
 
-            result = replay_with_page(player, session, speed, port, lambda url: click.echo(f"the replay is at {url}"))
+            result = replay_with_page(player, session, speed, port, _announce, _stay)
         else:
             with tracked_bytes("replaying") as progress:
                 result = replay_log(player, session, speed, progress)
@@ -112,6 +115,18 @@ def _replay(
             f"the log is cut off or damaged: {result.flight_s:.1f} s can be replayed, up to its last whole event"
         )
     _conclude(session, config, result, (is_check, config_path, json_path, out), console)
+
+
+def _announce(url: str) -> None:
+    click.echo(f"the replay is at {url}")
+
+
+def _stay() -> None:
+    """On a terminal the page stays until its person has seen enough."""
+    if sys.stdin.isatty() and sys.stdout.isatty():
+        click.echo("the replay has ended; the page stays until Ctrl-C")
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait()
 
 
 def _other_config(path: Path) -> Config:
@@ -204,9 +219,10 @@ def _compare(session: Session, config: Config, result: ReplayResult, console: Co
     return rows
 
 
-def _replay_recording(session: Session, json_path: Path | None, out: Path | None) -> None:
-    """An imported recording has no mission: its bearings are made again by the code of `companion analyze`."""
-    from companion.analysis.imported import analyze_session
+def _replay_recording(session: Session, json_path: Path | None, out: Path | None, port: int | None) -> None:
+    """An imported recording has no mission: its bearings are made again by the code of `companion analyze`. With a
+    `port` a page shows them."""
+    from companion.analysis.imported import analyze_session, path_of_recording
     from companion.analysis.summary import as_json, note_lines, problem_lines
     from companion.commands.tables import run_table
 
@@ -224,6 +240,11 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
         from companion.commands.recordings import draw_profiles
 
         draw_profiles(result, out)
+    if port is not None:
+        from companion.replay.recording_page import show_recording
+
+        path_m = path_of_recording(session, result.kind)
+        show_recording(result, path_m, session.paths[0].name, port, _announce, _stay)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

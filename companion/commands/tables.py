@@ -15,9 +15,9 @@ from companion.analysis.summary import SetSummary
 _COLUMNS = (
     ("tx", "left"),
     ("azimuth", "right"),
-    ("polar", "right"),
+    ("elevation", "right"),
     ("true az.", "right"),
-    ("true polar", "right"),
+    ("true el.", "right"),
     ("az. error", "right"),
     ("3D error", "right"),
     ("packets", "right"),
@@ -29,7 +29,7 @@ _COLUMNS = (
 def run_table(result: RunResult) -> Table:
     """One row per transmitter."""
     table = Table(
-        title=Text(f"{result.run.title}  ({result.kind}); azimuth from East, polar angle from Up"),
+        title=Text(f"{result.run.title}  ({result.kind}); azimuth from East, elevation above the horizon"),
         title_justify="left",
         title_style="bold",
     )
@@ -70,14 +70,19 @@ def _cells(link: LinkResult) -> Iterator[str]:
     estimate, truth = link.estimate, link.truth
     yield link.name
     yield _degrees(estimate.azimuth_rad if estimate and estimate.azimuth_observable else None)
-    yield _degrees(estimate.polar_rad if estimate and estimate.polar_observable else None)
+    yield _elevation(estimate.polar_rad if estimate and estimate.polar_observable else None)
     yield _degrees(truth.azimuth_rad if truth else None)
-    yield _degrees(truth.polar_rad if truth else None)
+    yield _elevation(truth.polar_rad if truth else None)
     yield _degrees(link.azimuth_error_rad, signed=True)
     yield _degrees(link.great_circle_error_rad)
     yield f"{link.used}/{link.packets}"
     yield ", ".join(f"{count} {reason}" for reason, count in link.dropped.items()) or "none"
     yield f"{estimate.reliability:.2f}" if estimate else "-"
+
+
+def _elevation(polar_rad: float | None) -> str:
+    """Above the horizon: the one vertical angle that a person is shown."""
+    return _degrees(None if polar_rad is None else math.pi / 2 - polar_rad)
 
 
 def _degrees(angle_rad: float | None, signed: bool = False) -> str:

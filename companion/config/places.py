@@ -42,6 +42,8 @@ def _paths(config: Config) -> Iterator[tuple[str, str]]:
     yield "neighbours.key_file", config.neighbours.key_file
     if config.pose.source == "recording" and config.pose.recording:
         yield "pose.recording", config.pose.recording
+    if config.page.token_file is not None:
+        yield "page.token_file", config.page.token_file
     for index, peer in enumerate(config.peers):
         yield f"peers[{index}].key_file", peer.key_file
         if peer.next_key_file is not None:

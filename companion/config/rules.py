@@ -110,6 +110,16 @@ def _recorder(config: Config) -> Iterator[str]:
         yield "recorder.rotate_mb: one file alone would exceed recorder.budget_mb"
 
 
+def _page(config: Config) -> Iterator[str]:
+    page = config.page
+    if page.token_file is None and not page.address.startswith("127."):
+        yield f"page.token_file: missing; others than this host reach {page.address}, which needs a token"
+    if page.allow_engage and page.token_file is None:
+        yield "page.token_file: missing; page.allow_engage needs a token"
+    if page.allow_engage and config.role != "uav":
+        yield f"page.allow_engage: a {config.role} does not fly; expected false"
+
+
 def _autopilot(config: Config) -> Iterator[str]:
     autopilot = config.autopilot
     if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < MIN_VIO_HZ:
@@ -137,6 +147,7 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _url,
     _recorder,
     _autopilot,
+    _page,
     speed_errors,
     range_errors,
     rate_errors,

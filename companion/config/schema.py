@@ -262,6 +262,20 @@ class RecorderConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PageConfig:
+    """What a browser is shown of the robot, by a process of its own; see docs/page.md."""
+
+    enabled: bool = False
+    address: Ipv4 = "127.0.0.1"
+    """Where it listens: on this host alone, or at an interface's address (0.0.0.0 for all), which needs a token."""
+    port: Annotated[int, Meta(ge=1, le=65535)] = 8970
+    token_file: str | None = None
+    """File of a secret word, readable by its owner only; whoever looks must know it. Absent on loopback for none."""
+    allow_engage: bool = False
+    """Whether who knows the token may engage and abort from the page."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
     """Everything the service reads. A role `uav` also needs `autopilot`."""
 
@@ -285,6 +299,7 @@ class Config:
     aperture: ApertureConfig = field(default_factory=ApertureConfig)
     mission: MissionConfig = field(default_factory=MissionConfig)
     gate: GateConfig = field(default_factory=GateConfig)
+    page: PageConfig = field(default_factory=PageConfig)
     autopilot: AutopilotConfig | None = None
 
     @property

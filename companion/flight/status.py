@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from companion.core.clock import age_s
 from companion.core.messages import VehicleState
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
+from companion.guidance.tracker import Target
 from companion.sensing.records import Iteration
 
 
@@ -23,17 +25,19 @@ def status(
     overruns: int,
 ) -> dict[str, Any]:
     """Angles in degrees; `path_m` is flown since the iteration began."""
-    target = knowledge.targets.target
+    target, packet_age_s = knowledge.targets.target, knowledge.packet_age_s()
     return {
         "state": course.state,
         "control": control,
         "reason": course.reason,
         "not_ready": not_ready,
         "packets": knowledge.packets,
+        "packet_age_s": packet_age_s if math.isfinite(packet_age_s) else None,
         "path_m": path_m,
         "bearing": _bearing(knowledge.iteration),
         "bearing_stale": knowledge.is_stale(),
-        "target_range_m": target.range_m if target is not None and math.isfinite(target.range_m) else None,
+        "target_range_m": None if target is None else _finite(target.range_m),
+        "target": None if target is None else _target(target),
         "streaming": streaming,
         "vehicle": _vehicle(vehicle),
         "overruns": overruns,
@@ -46,11 +50,31 @@ def _bearing(iteration: Iteration | None) -> dict[str, Any] | None:
     estimate = iteration.estimate
     return {
         "azimuth_deg": math.degrees(estimate.azimuth_rad),
+        "azimuth_std_deg": _degrees(estimate.azimuth_std_rad),
         "elevation_deg": 90.0 - math.degrees(estimate.polar_rad),
+        "elevation_std_deg": _degrees(estimate.polar_std_rad) if estimate.polar_observable else None,
         "reliability": estimate.reliability,
         "iteration": iteration.number,
         "reference_ns": iteration.reference_ns,
     }
+
+
+def _target(target: Target) -> dict[str, Any]:
+    return {
+        "range_m": _finite(target.range_m),
+        "range_std_m": _finite(target.range_std_m),
+        "azimuth_deg": math.degrees(target.azimuth_rad),
+        "probability": target.probability,
+        "rivals": len(target.rivals),
+    }
+
+
+def _degrees(std_rad: float) -> float | None:
+    return math.degrees(std_rad) if math.isfinite(std_rad) else None
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _vehicle(state: VehicleState) -> dict[str, Any]:
@@ -67,6 +91,9 @@ def _vehicle(state: VehicleState) -> dict[str, Any]:
         "v_local_enu_m_s": state.v_local_enu_m_s,
         "yaw_enu_rad": state.yaw_enu_rad,
         "battery": state.battery_remaining,
+        "failsafe": state.failsafe,
+        "estimator_healthy": state.estimator_healthy,
+        "heartbeat_age_s": _finite(age_s(state.heartbeat_mono_ns, state.t_mono_ns)),
         "position_is_global": state.position_is_global,
     }
 

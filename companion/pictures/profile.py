@@ -46,7 +46,7 @@ def draw_profile(
     azimuth_observable: bool = True,
     polar_observable: bool = True,
 ) -> None:
-    """Writes a PNG: left the profile from above (azimuth, polar angle), right in 3D, both relative to the peak.
+    """Writes a PNG: left the profile from above (azimuth, elevation), right in 3D, both relative to the peak.
 
     `truth` is the true azimuth and polar angle in radians, drawn as a red x; the estimate is a circle, or a line
     of one azimuth where the polar angle is not observable, and is called no bearing where the azimuth is not. Folders
@@ -71,8 +71,8 @@ def _top_view(
     truth: tuple[float, float] | None,
 ) -> None:
     axes: Axes = figure.add_subplot(1, 2, 1)
-    azimuth_deg, polar_deg = np.degrees(profile.azimuth_rad), np.degrees(profile.polar_rad)
-    mesh = axes.pcolormesh(azimuth_deg, polar_deg, relative, cmap=_COLOURS, vmin=0, vmax=1, shading="nearest")
+    azimuth_deg, up_deg = np.degrees(profile.azimuth_rad), _elevation_deg(profile.polar_rad)
+    mesh = axes.pcolormesh(azimuth_deg, up_deg, relative, cmap=_COLOURS, vmin=0, vmax=1, shading="nearest")
     figure.colorbar(mesh, ax=axes, label="power / peak power", pad=0.01)
     azimuth_rad, polar_rad = estimate
     if polar_rad is None:
@@ -84,15 +84,15 @@ def _top_view(
     if truth is not None:
         _mark(axes, truth, _TRUTH_COLOUR, "true bearing", _TRUTH_STYLE)
     axes.legend(loc="lower right", fontsize=8, facecolor="#444444", labelcolor="white", framealpha=0.8)
-    axes.axhline(90, color="white", linewidth=0.6, linestyle=":", alpha=0.7)
-    axes.text(-176, 88, "horizon", color="white", fontsize=8, alpha=0.8)
-    axes.set(xlabel="azimuth [deg], counter-clockwise from East", ylabel="polar angle from Up [deg]", title="top view")
-    axes.set(xlim=(-180, 180), ylim=(180, 0), yticks=range(0, 181, 30))
+    axes.axhline(0, color="white", linewidth=0.6, linestyle=":", alpha=0.7)
+    axes.text(-176, 2, "horizon", color="white", fontsize=8, alpha=0.8)
+    axes.set(xlabel="azimuth [deg], counter-clockwise from East", ylabel="elevation [deg]", title="top view")
+    axes.set(xlim=(-180, 180), ylim=(-90, 90), yticks=range(-90, 91, 30))
     axes.set_xticks(list(_QUARTERS), [f"{azimuth_deg}\n{name}" for azimuth_deg, name in _QUARTERS.items()])
 
 
 def _mark(axes: Axes, where: tuple[float, float], colour: str, label: str, style: dict[str, Any]) -> None:
-    axes.plot(*map(math.degrees, where), markeredgecolor=colour, label=label, **style)
+    axes.plot(math.degrees(where[0]), _elevation_deg(where[1]), markeredgecolor=colour, label=label, **style)
 
 
 def _view_3d(
@@ -104,7 +104,7 @@ def _view_3d(
 ) -> None:
     axes: Any = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     x, y = np.meshgrid(
-        np.degrees(profile.azimuth_rad)[_POOL // 2 :: _POOL], np.degrees(profile.polar_rad)[_POOL // 2 :: _POOL]
+        np.degrees(profile.azimuth_rad)[_POOL // 2 :: _POOL], _elevation_deg(profile.polar_rad)[_POOL // 2 :: _POOL]
     )
     axes.plot_surface(
         x, y, _pooled(relative), cmap=_COLOURS, vmin=0, vmax=1, rstride=1, cstride=1, linewidth=0, antialiased=False
@@ -116,19 +116,19 @@ def _view_3d(
         _stem(axes, profile, relative, (azimuth_rad, polar_rad), "black", _ESTIMATE_STYLE)
     if truth is not None:
         _stem(axes, profile, relative, truth, _TRUTH_COLOUR, _TRUTH_STYLE)
-    axes.set(xlabel="azimuth [deg]", ylabel="polar angle [deg]", title="3D view")
-    axes.set(xlim=(-180, 180), ylim=(180, 0), zlim=(0, 1.1))
-    axes.set(xticks=range(-180, 181, 90), yticks=range(0, 181, 45), zticks=(0, 0.5, 1))
+    axes.set(xlabel="azimuth [deg]", ylabel="elevation [deg]", title="3D view")
+    axes.set(xlim=(-180, 180), ylim=(-90, 90), zlim=(0, 1.1))
+    axes.set(xticks=range(-180, 181, 90), yticks=range(-90, 91, 45), zticks=(0, 0.5, 1))
     axes.view_init(elev=35, azim=-65)
     axes.set_box_aspect((1.7, 1.2, 0.85), zoom=1.15)
 
 
 def _ridge(axes: Any, profile: Profile, relative: Floats, azimuth_rad: float) -> None:
-    """A line over the surface at all polar angles of one azimuth."""
+    """A line over the surface at all elevations of one azimuth."""
     column = int(np.argmax(np.cos(profile.azimuth_rad - azimuth_rad)))
     azimuth_deg = np.full(len(profile.polar_rad), math.degrees(azimuth_rad))
     heights = relative[:, column] + 0.03
-    axes.plot(azimuth_deg, np.degrees(profile.polar_rad), heights, color="black", linewidth=0.9, zorder=10)
+    axes.plot(azimuth_deg, _elevation_deg(profile.polar_rad), heights, color="black", linewidth=0.9, zorder=10)
 
 
 def _stem(
@@ -140,12 +140,12 @@ def _stem(
     style: dict[str, Any],
 ) -> None:
     """A line up from the ground with the mark above the surface, so that a direction in a valley is seen too."""
-    azimuth_deg, polar_deg = map(math.degrees, where)
+    azimuth_deg, up_deg = math.degrees(where[0]), _elevation_deg(where[1])
     column = int(np.argmax(np.cos(profile.azimuth_rad - where[0])))
     row = int(np.argmin(np.abs(profile.polar_rad - where[1])))
     height = float(relative[row, column]) + 0.06
-    axes.plot([azimuth_deg] * 2, [polar_deg] * 2, [0, height], color=colour, linewidth=0.9, zorder=10)
-    axes.plot([azimuth_deg], [polar_deg], [height], markeredgecolor=colour, zorder=11, **style)
+    axes.plot([azimuth_deg] * 2, [up_deg] * 2, [0, height], color=colour, linewidth=0.9, zorder=10)
+    axes.plot([azimuth_deg], [up_deg], [height], markeredgecolor=colour, zorder=11, **style)
 
 
 def _pooled(relative: Floats) -> Floats:
@@ -157,7 +157,14 @@ def _pooled(relative: Floats) -> Floats:
 
 def _summary(estimate: Found, truth: tuple[float, float] | None, azimuth_observable: bool) -> str:
     azimuth_rad, polar_rad = estimate
-    polar = "" if polar_rad is None else f", polar angle {math.degrees(polar_rad):.1f}°"
+    up = "" if polar_rad is None else f", elevation {_elevation_deg(polar_rad):.1f}°"
     name = "estimate" if azimuth_observable else "highest peak, not a bearing"
-    text = f"{name}: azimuth {math.degrees(azimuth_rad):.1f}°{polar}"
-    return text if truth is None else text + "   true: {:.1f}°, {:.1f}°".format(*map(math.degrees, truth))
+    text = f"{name}: azimuth {math.degrees(azimuth_rad):.1f}°{up}"
+    if truth is None:
+        return text
+    return f"{text}   true: {math.degrees(truth[0]):.1f}°, {_elevation_deg(truth[1]):.1f}°"
+
+
+def _elevation_deg(polar_rad: Any) -> Any:
+    """Above the horizon: the one vertical angle that a person is shown. Of one angle or of an array."""
+    return 90.0 - np.degrees(polar_rad)

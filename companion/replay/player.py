@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import statistics
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -87,8 +87,12 @@ class ReplayLog:
     clock: EventClock
     wall_minus_mono_ns: int
     decided: list[Decided] = field(default_factory=list)
+    also: Callable[[Stream, int, Any], None] | None = None
+    """Told of everything, as it is recorded: what shows the replay."""
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
+        if self.also is not None:
+            self.also(stream, t_mono_ns, message)
         if stream.part is Part.DECISION or stream is PROFILE:
             data, source = encoded(stream, t_mono_ns + self.wall_minus_mono_ns, message)
             entry = Decided(stream, self.clock.now_ns(), t_mono_ns, self.clock.number, source, data)
@@ -145,7 +149,7 @@ class Player:
         )
         self.worker = RecordedWorker(config.aperture.estimator, self._clock)
         self._uav: Uav | None = None
-        self._config = config
+        self.config = config
         self._latency_ns: dict[int, int] = {}
         self._usual_latency_ns = _USUAL_LATENCY_NS
 
@@ -189,7 +193,7 @@ class Player:
 
     def _build(self) -> Uav:
         return Uav(
-            config=self._config,
+            config=self.config,
             clock=self._clock,
             recorder=self.log,
             inputs=self._inputs,

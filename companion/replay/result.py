@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,10 +62,18 @@ class ReplayResult:
 class Replay:
     """One pass over a log: its events through the player, its recorded decisions kept for comparison."""
 
-    def __init__(self, player: Player, session: Session, progress: Progress | None = None) -> None:
+    def __init__(
+        self,
+        player: Player,
+        session: Session,
+        progress: Progress | None = None,
+        on_health: Callable[[LoggedMessage], None] = lambda message: None,
+    ) -> None:
+        """`on_health` is told what the log says of its own health, once a second."""
         self._player = player
         self._session = session
         self._progress = progress
+        self._on_health = on_health
         self._recorded: list[LoggedMessage] = []
         self._last = 0
         self._is_cut = False
@@ -109,6 +117,7 @@ class Replay:
                 self._recorded.append(message)
             elif message.topic == HEALTH.topic:
                 self._dropped = dropped_of(message.data, self._dropped)
+                self._on_health(message)
             yield message
 
     def _note_cut(self, path: Path) -> None:

@@ -25,6 +25,7 @@ from companion.core.streams import (
     POSE_IN,
     PROFILE,
     SETPOINT,
+    TARGET,
     VEHICLE,
     WISH,
 )
@@ -34,9 +35,11 @@ from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.records import LoggedIteration, TruthTrack
 from companion.log.times import main_span_ns, per_second
 from companion.log.truths import truth_of
+from companion.report.timeline import Timeline
 
 Floats = npt.NDArray[np.float64]
 _WARNING: Final = Log.WARNING
+_DISTANCES: Final = 600
 _COUNTED: Final = (CSI, POSE_IN, NEIGHBOUR, SETPOINT)
 
 
@@ -72,6 +75,11 @@ class FlightContent:
     health: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
     events: list[EventLine] = field(default_factory=list)
     states: list[tuple[float, str]] = field(default_factory=list)
+    steps: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    """The mission's transitions."""
+    targets: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
+    """What each bearing made of the target that is flown to."""
+    timeline: Timeline | None = None
 
     def seconds(self, t_mono_ns: int) -> float:
         """Since the first message, of a monotonic time."""
@@ -83,6 +91,16 @@ class FlightContent:
     def true_bearing(self, iteration: LoggedIteration) -> tuple[float, float] | None:
         """Azimuth and polar angle [rad] at the iteration's reference time."""
         return self.truth.bearing(iteration.reference_ns, self.peer_name(iteration.peer))
+
+    def true_distances(self) -> list[tuple[float, float]]:
+        """(seconds, metres) between our antenna and the target's, where the truth knows; a few a second."""
+        target = self.peer_name(self.config.target)
+        if target not in self.truth.peers_m:
+            return []
+        apart_m = np.linalg.norm(self.truth.peers_m[target] - self.truth.antenna_m, axis=1)
+        rows = [(self.seconds(t_ns), d) for t_ns, d in zip(self.truth.t_ns.tolist(), apart_m.tolist(), strict=True)]
+        seen = [(t_s, d) for t_s, d in rows if 0 <= t_s <= self.duration_s and np.isfinite(d)]
+        return seen[:: max(1, len(seen) // _DISTANCES)]
 
     def rate(self, topic: str) -> tuple[Floats, Floats]:
         """Seconds since the start and messages a second in each; what is left at the end is no whole second."""
@@ -102,6 +120,7 @@ def _gather(
 ) -> FlightContent:
     """Of the messages within a span, and all their times."""
     content = FlightContent(session=session, config=session.config())
+    content.timeline = Timeline(content.config, session.paths[0].name, session.wall_minus_mono_ns)
     last_bearing: int | None = None
     for message in session.messages(None, progress, lambda path: setattr(content, "is_whole", False)):
         times_ns.append(message.log_time_ns)
@@ -111,6 +130,7 @@ def _gather(
         content.start_ns = content.start_ns or message.log_time_ns
         t_s = (message.log_time_ns - content.start_ns) / 1e9
         content.duration_s = max(content.duration_s, t_s)
+        content.timeline.take(message)
         if message.topic in {stream.topic for stream in _COUNTED}:
             content.arrivals_s.setdefault(message.topic, []).append(t_s)
         if message.topic == BEARING.topic:
@@ -120,6 +140,9 @@ def _gather(
             content.profiles[last_bearing] = power_of(message.data)
         elif message.topic == VEHICLE.topic:
             _take_vehicle(content, t_s, msgspec.json.decode(message.data))
+        elif message.topic == TARGET.topic:
+            report = msgspec.json.decode(message.data)
+            content.targets += [(t_s, report)] if report["peer"] == content.config.target else []
         elif message.topic == HEALTH.topic:
             content.health.append((t_s, msgspec.json.decode(message.data)))
         else:
@@ -149,6 +172,7 @@ def _events(content: FlightContent, t_s: float, message: LoggedMessage) -> Itera
         return
     values = msgspec.json.decode(message.data)
     if message.topic == MISSION.topic:
+        content.steps.append((t_s, values))
         if values["reason"] != SERVICE_ENDS:
             content.states.append((t_s, values["next_state"]))
         why = "" if values["reason"] in ("", values["event"]) else f" ({values['reason']})"

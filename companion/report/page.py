@@ -1,4 +1,4 @@
-"""One self-contained HTML page: no scripts, no fonts, no pictures from anywhere else."""
+"""One self-contained HTML page: no fonts, no scripts, no pictures from anywhere else."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from companion.analysis.imported import ImportedScene
 from companion.analysis.result import LinkResult, RunResult
 from companion.analysis.summary import note_lines, problem_lines
 from companion.log.reader import Session
+from companion.page.parts import elevation_deg
 from companion.report import pictures
 from companion.report.content import FlightContent
+from companion.report.moments import azimuth_errors_deg, scrubbing, summary_of
+from companion.report.outcome import shared_sign
 
 _STYLE = """body{font:15px/1.45 sans-serif;max-width:70em;margin:1em auto;padding:0 1em;color:#000;background:#fff}
 img{max-width:100%}table{border-collapse:collapse;font-size:13px}td,th{border:1px solid #999;padding:.15em .6em;
@@ -25,6 +28,7 @@ text-align:right}td.l,th.l{text-align:left}pre{background:#f3f3f3;border:1px sol
 white-space:pre-wrap}.scroll{overflow-x:auto}h2{border-bottom:1px solid #000;margin-top:1.6em}
 @media print{h2{break-after:avoid}img,tr{break-inside:avoid}}"""
 
+_MOST_TILES = 24
 Cell = str | float | int | None
 
 
@@ -32,20 +36,27 @@ def flight_page(content: FlightContent) -> str:
     """The page of a flight."""
     session = content.session
     sections = [
+        _section("The flight, moment by moment", scrubbing(content)),
+        _section("Distance to the target", _image(pictures.distance(content), "distance to the target over time")),
         _section("Flight path and bearings", _image(pictures.flight_path(content), "path from above with bearings")),
         _section(
             "AOA profiles",
-            "<p>One for each SAR iteration: azimuth (from East) across, polar angle (from Up) down, dark where the "
-            "power is high; a circle is the estimate, a cross the truth.</p>" + _profile_image(content),
+            "<p>Azimuth (from East) across, elevation above the horizon up, dark where the power is high; a circle is "
+            "the estimate, a cross the truth.</p>" + _profile_image(content),
         ),
-        _section("Error, bound, reliability", _image(pictures.estimates(content), "error and reliability over time")),
+        _section(
+            "Error, bound, reliability",
+            _words(shared_sign(azimuth_errors_deg(content)))
+            + _image(pictures.estimates(content), "error and reliability over time"),
+        ),
         _section("SAR iterations", _iteration_table(content)),
         _section("Rates", _image(pictures.rates(content), "packet, pairing and set point rates")),
         _section("Health", _image(pictures.health(content), "health over time")),
         _section("Events", _event_table(content)),
         _section("Configuration", _config(content)),
     ]
-    return _page(f"Flight of {content.config.name}", _summary(session, _flight_facts(content)), sections)
+    summary = f"<p><strong>{html.escape(summary_of(content))}</strong></p>"
+    return _page(f"Flight of {content.config.name}", summary + _summary(session, _flight_facts(content)), sections)
 
 
 def recording_page(session: Session, scene: ImportedScene, result: RunResult, path_png: bytes) -> str:
@@ -101,7 +112,11 @@ def _profile_image(content: FlightContent) -> str:
         found = (one.estimate.azimuth_rad, one.estimate.polar_rad if one.estimate.polar_observable else None)
         title = f"{one.number}: {content.peer_name(one.peer)}, {one.estimate.packets} packets"
         tiles.append((title, content.profiles[one.number], found, content.true_bearing(one)))
-    return _image(pictures.profiles(tiles), "AOA profile of each SAR iteration") if tiles else "<p>None.</p>"
+    if not tiles:
+        return "<p>None.</p>"
+    every = math.ceil(len(tiles) / _MOST_TILES)
+    few = f"<p>{len(tiles[::every])} of {len(tiles)}; the first section shows them all.</p>" if every > 1 else ""
+    return few + _image(pictures.profiles(tiles[::every]), "AOA profiles of SAR iterations")
 
 
 def _iteration_table(content: FlightContent) -> str:
@@ -117,13 +132,13 @@ def _iteration_table(content: FlightContent) -> str:
         rows.append(
             [
                 *row, estimate.packets, round(estimate.length_m, 2), _deg(estimate.azimuth_rad),
-                _deg(estimate.polar_rad) if estimate.polar_observable else None,
+                elevation_deg(estimate.polar_rad) if estimate.polar_observable else None,
                 _deg(truth[0]) if truth else None, _number(next(errors)), _deg(estimate.crb_rad, 3),
                 round(estimate.reliability, 2), "",
             ]
         )  # fmt: skip
-    head = ("#", "peer", "t [s]", "packets", "path [m]", "azimuth [°]", "polar [°]", "true azimuth [°]", "error [°]",
-            "CRB [°]", "reliability", "refused because")  # fmt: skip
+    head = ("#", "peer", "t [s]", "packets", "path [m]", "azimuth [°]", "elevation [°]", "true azimuth [°]",
+            "error [°]", "CRB [°]", "reliability", "refused because")  # fmt: skip
     return _table(head, rows)
 
 
@@ -142,15 +157,15 @@ def _link_table(links: Sequence[LinkResult]) -> str:
     for link in links:
         found = link.estimate
         azimuth = _deg(found.azimuth_rad) if found and found.azimuth_observable else None
-        polar = _deg(found.polar_rad) if found and found.polar_observable else None
+        elevation = elevation_deg(found.polar_rad) if found and found.polar_observable else None
         rows.append(
             [
-                link.name, azimuth, polar, _deg(link.truth.azimuth_rad if link.truth else None),
+                link.name, azimuth, elevation, _deg(link.truth.azimuth_rad if link.truth else None),
                 _deg(link.azimuth_error_rad), _deg(found.crb_rad, 3) if found else None,
                 round(found.reliability, 2) if found else None, f"{link.used}/{link.packets}", link.problem or "",
             ]
         )  # fmt: skip
-    head = ("transmitter", "azimuth [°]", "polar [°]", "true azimuth [°]", "error [°]", "CRB [°]", "reliability",
+    head = ("transmitter", "azimuth [°]", "elevation [°]", "true azimuth [°]", "error [°]", "CRB [°]", "reliability",
             "packets", "problem")  # fmt: skip
     return _table(head, rows)
 
@@ -165,10 +180,15 @@ def _summary(session: Session, facts: Iterable[tuple[str, str]]) -> str:
 
 def _page(title: str, summary: str, sections: Iterable[str]) -> str:
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{html.escape(title)}</title>'
         f'<link rel="icon" href="data:,"><style>{_STYLE}</style></head>\n<body><h1>{html.escape(title)}</h1>\n'
         f"{summary}\n" + "\n".join(sections) + "\n</body></html>\n"
     )
+
+
+def _words(text: str) -> str:
+    return f"<p>{html.escape(text)}</p>" if text else ""
 
 
 def _section(title: str, body: str) -> str:
@@ -212,4 +232,5 @@ def _number(value: float) -> float | None:
 def figures(content: FlightContent) -> dict[str, Any]:
     """The numbers of the page, for `--json`."""
     errors = [None if math.isnan(error) else error for error in pictures.error_degrees(content)]
-    return json.loads(json.dumps({**dict(_flight_facts(content)), "errors_deg": errors}))  # type: ignore[no-any-return]
+    numbers = {"summary": summary_of(content), **dict(_flight_facts(content)), "errors_deg": errors}
+    return json.loads(json.dumps(numbers))  # type: ignore[no-any-return]

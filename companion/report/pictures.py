@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from companion.analysis.exchanges import PacketTimes
 from companion.core.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from companion.log.times import bin_edges_s, main_span_ns
+from companion.page.parts import elevation_deg
 from companion.report.content import FlightContent
 from wsr.geometry import direction, great_circle
 
@@ -70,18 +71,19 @@ def profiles(
     FigureCanvasAgg(figure)
     for index, (title, power, (azimuth, polar), truth) in enumerate(tiles):
         axes = figure.add_subplot(rows, _COLUMNS, index + 1)
-        extent = (-180.0, 180.0, 180.0, 0.0)
+        extent = (-180.0, 180.0, -90.0, 90.0)
         axes.imshow(power / max(float(power.max()), 1e-30), cmap="gray_r", vmin=0, vmax=1, extent=extent, aspect="auto")
         if polar is None:
             axes.axvline(math.degrees(azimuth), color="black", linestyle="--", linewidth=0.8)
         else:
             # A ring around the peak, wide enough to see the peak and the truth in it.
-            axes.plot(math.degrees(azimuth), math.degrees(polar), "ko", markersize=15, fillstyle="none")
+            axes.plot(math.degrees(azimuth), elevation_deg(polar), "ko", markersize=15, fillstyle="none")
         if truth is not None:
-            axes.plot(*map(math.degrees, truth), "wx", markersize=6, markeredgewidth=2.5)
-            axes.plot(*map(math.degrees, truth), "kx", markersize=6, markeredgewidth=1.0)
+            place = math.degrees(truth[0]), elevation_deg(truth[1])
+            axes.plot(*place, "wx", markersize=6, markeredgewidth=2.5)
+            axes.plot(*place, "kx", markersize=6, markeredgewidth=1.0)
         axes.set_title(title, fontsize=8)
-        axes.set(xticks=(-180, -90, 0, 90, 180), yticks=(0, 90, 180))
+        axes.set(xticks=(-180, -90, 0, 90, 180), yticks=(-90, 0, 90))
         axes.tick_params(labelsize=6)
     return _png(figure)
 
@@ -104,6 +106,25 @@ def estimates(content: FlightContent) -> bytes:
     below.axhline(content.config.aperture.min_reliability, color="0.5", linestyle=":", label="least that steers")
     below.set(ylabel="reliability", ylim=(0, 1), xlabel="time [s]")
     below.legend(fontsize=8, loc="upper right")
+    return _png(figure)
+
+
+def distance(content: FlightContent) -> bytes:
+    """To the target over time: as it is where the truth knows, and as the flight believed, with one deviation; PNG."""
+    figure, (axes,) = _figure(9, 3.2)
+    known = [(t_s, one["target"]) for t_s, one in content.targets if one["target"]["range_m"] is not None]
+    if known:
+        t_s = np.array([t for t, _ in known])
+        range_m = np.array([target["range_m"] for _, target in known])
+        std_m = np.array([_number(target["range_std_m"]) for _, target in known])
+        axes.fill_between(t_s, np.maximum(0, range_m - std_m), range_m + std_m, color="0.85", label="one deviation")
+        axes.plot(t_s, range_m, "k--", label="believed")
+    if true := content.true_distances():
+        axes.plot([t for t, _ in true], [d for _, d in true], "k-", label="true")
+    if known or true:
+        axes.legend(fontsize=8, loc="upper right")
+        axes.set_ylim(0, 1.1 * max([d for _, d in true] + [target["range_m"] for _, target in known]))
+    axes.set(ylabel="distance [m]", xlabel="time [s]", title="distance to the target")
     return _png(figure)
 
 

@@ -12,14 +12,17 @@ from companion.core.recorder import Recorder
 from companion.host.control_socket import ControlServer
 from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
+from companion.log.feed import introduction
 from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
+from companion.roles.page import Page
 
 
 async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
-    node = Node(config, clock, recorder, LiveInputs(config))
+    page = Page(config, clock, recorder)
+    node = Node(config, clock, page.recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
     sockets = config.path(config.control_socket), config.path(config.status_socket)
     control = ControlServer(sockets[0], lambda command: _answer(node, command), sockets[1])
@@ -30,15 +33,18 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
             tasks.create_task(node.run(ending.begin), name="node")
             tasks.create_task(control.run(), name="control")
             tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+            page.start(lambda: {"state": "beacon"})
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
     finally:
         control.close()
         node.close()
+        await page.aclose()
 
 
 async def _answer(node: Node, command: str) -> dict[str, Any]:
     if command != "status":
         return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
-    return {"ok": True, "state": "beacon", "health": asdict(node.health())}
+    about = introduction(node.config, "live")
+    return {"ok": True, "about": about, "state": "beacon", "health": asdict(node.health())}

@@ -16,8 +16,10 @@ from companion.host.control_socket import ControlServer
 from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
 from companion.host.priority import keep_priority, raise_priority
+from companion.log.feed import introduction
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
+from companion.roles.page import Page
 from companion.roles.uav import Uav
 from companion.sensing.worker_process import AoaProcess
 
@@ -29,10 +31,11 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     assert config.autopilot is not None
     url, system_id = config.autopilot.url, config.autopilot.system_id
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
+    page = Page(config, clock, recorder)
     uav = Uav(
         config=config,
         clock=clock,
-        recorder=recorder,
+        recorder=page.recorder,
         inputs=LiveInputs(config),
         # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
         make_autopilot=lambda odometry: MavsdkAutopilot(url, MonotonicClock(), odometry, system_id),
@@ -54,6 +57,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             tasks.create_task(uav.flight.run(), name="flight")
             tasks.create_task(feed_watchdog(uav.flight.is_ticking), name="watchdog")
             tasks.create_task(keep_priority(), name="priority")
+            page.start(uav.flight.status)
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
@@ -62,12 +66,14 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         control.close()
         uav.node.close()
         await uav.autopilot.aclose()
+        await page.aclose()
 
 
 async def _answer(uav: Uav, command: str) -> dict[str, Any]:
     match command:
         case "status":
-            return {"ok": True, **uav.flight.status(), "health": asdict(uav.node.health())}
+            about = introduction(uav.node.config, "live")
+            return {"ok": True, "about": about, **uav.flight.status(), "health": asdict(uav.node.health())}
         case "engage":
             refusal = await uav.flight.wishes.engage()
             return {"ok": not refusal, "error": refusal, "vehicle": uav.flight.wishes.vehicle}

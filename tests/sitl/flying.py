@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.config.file import save_config
-from companion.config.schema import AutopilotConfig
+from companion.config.schema import AutopilotConfig, PageConfig
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
@@ -157,15 +157,20 @@ class Flying:
 
 @asynccontextmanager
 async def flying(
-    out: Path, real_url: str = "", autopilot: dict[str, Any] | None = None, **mission: Any
+    out: Path,
+    real_url: str = "",
+    autopilot: dict[str, Any] | None = None,
+    page: PageConfig | None = None,
+    **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
-    configuration.
+    configuration; with `page` it has one.
 
     With `real_url` an autopilot is there already, and whoever asks for it tells the world where its vehicle truly is.
     """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = _with_camera(set_stage(Path(name), out, SEED, use_netlink=False), mission, real_url, autopilot or {})
+        stage = set_stage(Path(name), out, SEED, use_netlink=False)
+        stage = _with_camera(stage, mission, real_url, autopilot or {}, page)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
             bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
@@ -181,7 +186,9 @@ async def flying(
                     listener.cancel()
 
 
-def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any]) -> Stage:
+def _with_camera(
+    stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any], page: PageConfig | None
+) -> Stage:
     directory = stage.directory
     lens = directory / "camera.sock"
     pose_socket = stage.uav.path(stage.uav.pose.socket)
@@ -191,6 +198,7 @@ def _with_camera(stage: Stage, mission: dict[str, Any], real_url: str, autopilot
         stage.uav,
         pose=replace(stage.uav.pose, reader_command=reader),
         mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
+        page=page or stage.uav.page,
     )
     assert uav.autopilot is not None
     uav = replace(uav, autopilot=AutopilotConfig(real_url or uav.autopilot.url, **autopilot))

@@ -231,7 +231,7 @@ def test_a_straight_path_is_said_to_tell_no_azimuth(cli: Cli, run: RunFolder, tm
     (straight / run.trajectory.name).write_text("".join(rows))
     outcome = cli(run.folder.parent, "--no-pictures", "--json", "r.json")
     assert "! tx2: azimuth not observable: the path is straight, 0.76 m long and 0.00 m wide" in outcome.out
-    assert "polar angle from Up" in outcome.out and "│ 1 of 2 │" in outcome.out
+    assert "elevation above the horizon" in outcome.out and "│ 1 of 2 │" in outcome.out
     sets = json.loads((tmp_path / "r.json").read_text())["sets"]
     assert [(row["links"], row["of_links"]) for row in sets] == [(1, 2)]
     shutil.rmtree(run.folder)

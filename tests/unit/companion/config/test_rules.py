@@ -42,6 +42,10 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         (changed("autopilot", url="udp://:14540"), "autopilot.url: 'udp://:14540'"),
         (changed("recorder", rotate_mb=5000.0), "recorder.rotate_mb"),
         (changed("autopilot", gps=False, forward_vio_hz=0.0), "autopilot.forward_vio_hz: 0; expected 20 or more"),
+        (changed("page", address="0.0.0.0"), "page.token_file: missing; others than this host reach 0.0.0.0"),
+        (changed("page", allow_engage=True), "page.token_file: missing; page.allow_engage needs a token"),
+        (replace(changed("page", allow_engage=True), role="beacon"), "page.allow_engage: a beacon does not fly"),
+        (changed("page", token_file="~/token"), "page.token_file: ~/token: ~ is not expanded"),
         (changed("pose", lost_s=4.1), "pose.lost_s: 4.1; expected 4 or less with autopilot.gps: false"),
     ],
 )

@@ -35,14 +35,14 @@ def top_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, polar_observable: 
     estimate = Found(np.radians(40.0), np.radians(70.0))
     draw_profile(path, Profile(power, AZIMUTH_RAD, POLAR_RAD), estimate, (0.5, 1.5), "title", True, polar_observable)
     assert path.read_bytes()[:4] == b"\x89PNG"
-    assert ("polar angle 70.0" in figures[0].get_suptitle()) == polar_observable
+    assert ("elevation 20.0" in figures[0].get_suptitle()) == polar_observable
     assert "azimuth 40.0" in figures[0].get_suptitle()
     return figures[0].axes[0]
 
 
 def test_an_estimate_with_both_angles_is_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lines = {line.get_label(): line for line in top_view(tmp_path, monkeypatch, True).get_lines()}
-    assert np.asarray(lines["estimate"].get_xydata()) == pytest.approx(np.array([[40.0, 70.0]]))
+    assert np.asarray(lines["estimate"].get_xydata()) == pytest.approx(np.array([[40.0, 20.0]]))
     assert lines["estimate"].get_marker() == "o"
 
 

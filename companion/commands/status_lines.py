@@ -1,0 +1,101 @@
+"""A service's status in a person's words. Pure. Azimuths from East counter-clockwise and as compass bearings, vertical
+angles above the horizon, every estimate with its deviation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from companion.page.health import HealthLook, Item, health_list
+from companion.page.next_step import AT_REST, next_step
+from companion.page.parts import compass_deg, vehicle_name
+
+Values = Mapping[str, Any]
+_S: Final = 1_000_000_000
+_SILENT_S: Final = 2.0
+_HARDLY_KNOWN: Final = 0.3
+"""A range whose deviation is a larger share of it than this is little more than a direction."""
+
+
+def person_lines(status: Values) -> Iterator[tuple[str, str]]:
+    """(label, text), the most important first."""
+    about, state = status["about"], str(status["state"])
+    missing = status.get("not_ready", []) if state in AT_REST else []
+    yield "state", f"{about['name']}: {'serving' if state == 'beacon' else state.replace('_', ' ')}"
+    yield "next", next_step(state, about["control"], about["mission"], len(missing))
+    if state == "beacon":
+        return
+    if status["reason"]:
+        yield "why", str(status["reason"])
+    for number, one in enumerate(missing):
+        yield "missing" if number == 0 else "", str(one)
+    yield from _vehicle(status["vehicle"])
+    yield "bearing", _bearing(status["bearing"], status["bearing_stale"])
+    yield "target", target_words(status["target"])
+
+
+def health_items(status: Values, free_mib: float | None) -> list[Item]:
+    """The same list as the page shows, of one look."""
+    vehicle = status.get("vehicle")
+    packet_age_s = status.get("packet_age_s")
+    silent = vehicle is not None and (packet_age_s is None or packet_age_s > _SILENT_S)
+    look = HealthLook(
+        known=status["about"],
+        t_ns=_S,
+        health=status["health"],
+        vehicle=None if vehicle is None or vehicle["heartbeat_age_s"] is None else _as_message(vehicle),
+        packets_hz=0.0 if silent else None,
+        free_mib=free_mib,
+    )
+    return health_list(look)
+
+
+def target_words(target: Values | None) -> str:
+    """How far the target is, and how well that is known."""
+    if target is None or target["range_m"] is None:
+        return "nothing known yet"
+    range_m, std_m = target["range_m"], target["range_std_m"]
+    known = "" if std_m is not None and std_m <= _HARDLY_KNOWN * range_m else ", its range hardly known"
+    deviation = "" if std_m is None else f" ± {std_m:.1f} m"
+    others = target["rivals"]
+    rivals = f", {others} other place{'s' if others > 1 else ''} possible" if others else ""
+    return f"{range_m:.1f} m{deviation} away{known}; {100 * target['probability']:.0f} % sure of this place{rivals}"
+
+
+def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:
+    if vehicle["system_id"] is None:
+        yield "vehicle", "none heard"
+        return
+    where = "in the air" if vehicle["in_air"] else "on the ground"
+    armed = "armed" if vehicle["armed"] else "disarmed"
+    yield "vehicle", f"{vehicle_name(vehicle)}: {vehicle['mode'] or 'mode unknown'}, {armed}, {where}"
+    battery = vehicle["battery"]
+    yield "battery", "its charge is not told" if battery is None else f"{100 * battery:.0f} %"
+    place, yaw_rad = vehicle["p_local_enu_m"], vehicle["yaw_enu_rad"]
+    if place is None:
+        yield "position", "none"
+        return
+    heading = "" if yaw_rad is None else f", heading {compass_deg(math.degrees(yaw_rad)):.0f}°"
+    yield "position", "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*(round(p, 1) + 0.0 for p in place)) + heading
+
+
+def _bearing(bearing: Values | None, is_stale: bool) -> str:
+    if bearing is None:
+        return "none yet"
+    azimuth = bearing["azimuth_deg"]
+    around = "deviation not known" if bearing["azimuth_std_deg"] is None else f"± {bearing['azimuth_std_deg']:.1f}°"
+    up = "elevation not observable"
+    if bearing["elevation_std_deg"] is not None:
+        up = f"elevation {bearing['elevation_deg']:.1f}° ± {bearing['elevation_std_deg']:.1f}°"
+    stale = ", old" if is_stale else ""
+    return (
+        f"compass {compass_deg(azimuth):.0f}° {around} ({azimuth:.1f}° from East), {up}, "
+        f"reliability {bearing['reliability']:.2f}, iteration {bearing['iteration']}{stale}"
+    )
+
+
+def _as_message(vehicle: Values) -> dict[str, Any]:
+    """As the log has it."""
+    heard_ns = _S - round(vehicle["heartbeat_age_s"] * _S)
+    return dict(vehicle) | {"battery_remaining": vehicle["battery"], "heartbeat_mono_ns": heard_ns}

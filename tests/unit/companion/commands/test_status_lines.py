@@ -1,0 +1,74 @@
+"""`companion status` for a person: every estimate with its deviation, and no alarm for what is normal in flight."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from companion.commands.status_lines import health_items, person_lines, target_words
+from tests.page_messages import health, known
+
+VEHICLE: dict[str, Any] = {
+    "system_id": 1, "autopilot": "px4", "firmware": "1.16.1", "mode": "offboard", "armed": True, "in_air": True,
+    "battery": 0.82, "p_local_enu_m": (5.55, -8.63, 1.5), "yaw_enu_rad": 0.0, "heartbeat_age_s": 0.2,
+    "failsafe": False, "estimator_healthy": True,
+}  # fmt: skip
+BEARING: dict[str, Any] = {
+    "azimuth_deg": -58.3, "azimuth_std_deg": 1.14, "elevation_deg": -11.2, "elevation_std_deg": 1.2,
+    "reliability": 0.93, "iteration": 9, "reference_ns": 1,
+}  # fmt: skip
+TARGET: dict[str, Any] = {"range_m": 17.3, "range_std_m": 11.9, "azimuth_deg": -60.0, "probability": 0.9, "rivals": 1}
+
+
+def status(**values: Any) -> dict[str, Any]:
+    return {
+        "ok": True, "about": known(), "state": "approaching", "reason": "bearing", "not_ready": ["armed already"],
+        "packet_age_s": 0.01, "bearing": BEARING, "bearing_stale": False, "target": TARGET, "vehicle": VEHICLE,
+        "health": health(),
+    } | values  # fmt: skip
+
+
+def test_a_flight_in_a_persons_words() -> None:
+    lines = dict(person_lines(status()))
+    assert lines["state"] == "uav: approaching"
+    assert lines["vehicle"] == "system 1, px4 1.16.1: offboard, armed, in the air"
+    assert lines["position"] == "East 5.5, North -8.6, Up 1.5 m, heading 90°"
+    assert lines["battery"] == "82 %"
+    assert lines["bearing"] == (
+        "compass 148° ± 1.1° (-58.3° from East), elevation -11.2° ± 1.2°, reliability 0.93, iteration 9"
+    )
+    assert lines["target"] == (
+        "17.3 m ± 11.9 m away, its range hardly known; 90 % sure of this place, 1 other place possible"
+    )
+    assert "missing" not in lines  # what stands against engaging is no news in flight
+    assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}
+
+
+def test_at_rest_what_is_missing_is_listed() -> None:
+    lines = list(person_lines(status(state="idle", not_ready=["no packets", "no poses"])))
+    assert ("missing", "no packets") in lines and ("", "no poses") in lines
+    assert "2 things stand" in dict(lines)["next"]
+
+
+def test_what_was_never_there_is_said_in_words() -> None:
+    nobody = dict.fromkeys(VEHICLE)
+    told = status(bearing=None, target=None, vehicle=nobody, packet_age_s=None, state="idle")
+    lines = dict(person_lines(told))
+    assert (lines["vehicle"], lines["bearing"], lines["target"]) == ("none heard", "none yet", "nothing known yet")
+    worst = [(item.name, item.level) for item in health_items(told, None)]
+    assert ("autopilot", "bad") in worst and ("card", "bad") in worst
+
+
+def test_a_range_that_is_known_has_no_warning() -> None:
+    assert "hardly" not in target_words(TARGET | {"range_m": 10.0, "range_std_m": 1.0, "rivals": 0})
+    assert "hardly" in target_words(TARGET | {"range_std_m": None})
+
+
+def test_a_level_path_tells_no_elevation() -> None:
+    flat = dict(person_lines(status(bearing=BEARING | {"elevation_std_deg": None, "azimuth_std_deg": None})))
+    assert "elevation not observable" in flat["bearing"] and "deviation not known" in flat["bearing"]
+
+
+def test_a_beacon_says_that_it_serves() -> None:
+    told = {"ok": True, "about": known(role="beacon"), "state": "beacon", "health": health()}
+    assert [name for name, _ in person_lines(told)] == ["state", "next"]
+    assert {item.level for item in health_items(told, 5000.0)} == {"ok"}
