@@ -46,7 +46,7 @@ _LAST_S: Final = (5.0, 8.0, 8.0, 12.0, 16.0, 24.0)
 _NEAR_EVERY: Final = 4
 """Of so many missions one is near its target, has its faults over half a minute, and may arrive."""
 CHECKS_FROM: Final = 1_000_000
-"""From this seed on PX4's own arming checks fail as well. They are drawn apart: a seed below draws what it always did."""
+"""From this seed on PX4's own arming checks fail as well. Drawn apart, so a seed below draws what it did before."""
 _CHECKS: Final = ("high_accel_bias", "accel_missing", "usb_connected", "global_pos", "unexplained", "untold")
 """Checks of the mock's that fail; failing without an event that says which; no SYS_STATUS at all."""
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
