@@ -12,6 +12,7 @@ import click
 from rich.progress import Progress
 
 from companion.commands.doctor_autopilot import autopilot_checks
+from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.config.file import load_config
@@ -29,7 +30,7 @@ def doctor() -> None:
 
 @doctor.command()
 @click.option("--config", "config_path", type=click.Path(path_type=Path), required=True, help="Of this robot.")
-@click.option("--seconds", type=click.FloatRange(0.5, 60), default=5.0, show_default=True, help="How long to listen.")
+@click.option("--seconds", type=Number(0.5, 60), default=5.0, show_default=True, help="How long to listen.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
 def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
     """The card: driver, connector, interface, channel, counters, antennas, packet rates, clock.
@@ -56,7 +57,7 @@ def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
 
 @doctor.command()
 @click.option("--config", "config_path", type=click.Path(path_type=Path), required=True, help="Of this robot.")
-@click.option("--seconds", type=click.FloatRange(0.5, 60), default=10.0, show_default=True, help="How long to wait.")
+@click.option("--seconds", type=Number(0.5, 60), default=10.0, show_default=True, help="How long to wait.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
 def autopilot(config_path: Path, seconds: float, json_path: Path | None) -> None:
     """The vehicle: its system id, autopilot and firmware, and the parameters that engage wants.
