@@ -112,9 +112,17 @@ def test_a_pilot_who_ends_offboard_as_it_is_granted_keeps_the_vehicle(seed: int)
     assert promises.violations(fly(draw(seed))) == []
 
 
+_AS_GRANTED = tuple(Fault(3.0 + 0.05 * i, "pilot", "HOLD", 0.0, 0.0) for i in range(10))
+"""One of these falls between the granting of OFFBOARD and the telling of it."""
+
+
+def test_a_pilot_who_chooses_hold_as_offboard_is_granted_keeps_the_vehicle() -> None:
+    assert [promises.violations(fly(flight_with(pilot))) for pilot in _AS_GRANTED] == [[]] * len(_AS_GRANTED)
+
+
 def test_red_an_edge_that_asks_again_for_what_was_granted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.autopilot.mavsdk_edge._ACCEPTED", -1)
-    assert [one.promise for one in promises.violations(fly(draw(9668)))] == ["never_taken_back"]
+    assert set().union(*(broken_by(flight_with(pilot)) for pilot in _AS_GRANTED)) == {"never_taken_back"}
 
 
 def test_red_an_abort_that_leaves_a_granted_engagement(monkeypatch: pytest.MonkeyPatch) -> None:
