@@ -170,7 +170,7 @@ class Vehicle:
             case "HEARTBEAT":
                 return {
                     "custom_mode": commander.mode.custom_mode, "base_mode": 1 | (128 if commander.armed else 0),
-                    "system_status": 5 if commander.failsafe else 4, "autopilot": 12,
+                    "system_status": 5 if commander.failsafe else 4, "autopilot": 12, "type": 2,
                 }  # fmt: skip
             case "CURRENT_MODE":
                 custom = commander.mode.custom_mode
