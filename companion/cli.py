@@ -12,6 +12,7 @@ from typing import Final
 
 import click
 
+from companion.core.version import version
 from companion.errors import CompanionError
 
 _COMMANDS: Final = {
@@ -54,7 +55,7 @@ class _LazyGroup(click.Group):
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="wsr-companion")
+@click.version_option(version(), prog_name="companion")
 def program() -> None:
     """A drone finds another robot through walls from WiFi channel measurements."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 import json
 import logging
 import math
@@ -20,6 +19,7 @@ import msgspec
 from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.streams import Stream
+from companion.core.version import version
 from companion.errors import CompanionError
 from companion.log.parts import LogPart, open_part, remove_oldest
 
@@ -62,7 +62,7 @@ class McapRecorder:
         # Log time is wall time at the start plus monotonic time since: it never steps.
         self._wall_minus_mono_ns = time.time_ns() - time.monotonic_ns()
         self._metadata = {
-            "version": importlib.metadata.version("wsr-companion"),
+            "version": version(),
             "role": config.role,
             "name": config.name,
             "config": json.dumps(msgspec.to_builtins(config)),
