@@ -120,7 +120,7 @@ class Telemetry:
         now_ns = self._now_ns()
         try:
             known = self._handlers[name](json.loads(fields_json), now_ns)
-        except (KeyError, TypeError, ValueError):
+        except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, struct.error):
             self.malformed += 1
             return
         with self._lock:

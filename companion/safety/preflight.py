@@ -83,7 +83,7 @@ REQUIREMENTS: Final = (
         "SYS_HAS_GPS", Needed.VISION, lambda v: v == 0, "0", "without GPS PX4 must not wait for it before arming",
     ),
     Requirement(
-        "EKF2_EV_CTRL", Needed.VISION, lambda v: int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
+        "EKF2_EV_CTRL", Needed.VISION, lambda v: v > 0 and int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
         "position, height and yaw come from our poses (bits 1, 2 and 8; 4 adds velocity)",
     ),
     Requirement(
@@ -122,8 +122,12 @@ def parameter_problems(values: Mapping[str, float | str], gps: bool, heights: He
         value = values[requirement.name]
         if isinstance(value, str):
             yield f"{value}; wanted {requirement.wanted}: {requirement.why}"
-        elif not requirement.accepts(value) or _has_no_room(requirement.name, value, values, heights):
+        elif not _is_met(requirement, value) or _has_no_room(requirement.name, value, values, heights):
             yield requirement.problem(value)
+
+
+def _is_met(requirement: Requirement, value: float) -> bool:
+    return math.isfinite(value) and requirement.accepts(value)
 
 
 def _has_no_room(name: str, value: float, values: Mapping[str, float | str], heights: Heights) -> bool:

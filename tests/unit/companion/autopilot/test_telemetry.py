@@ -405,3 +405,24 @@ def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Benc
 def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _Bench) -> None:
     bench.take("ESTIMATOR_STATUS", {"flags": 1023})
     assert bench.telemetry.state().estimator_healthy
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("PARAM_VALUE", {"param_id": "X", "param_value": 1e308, "param_type": 6}),
+        ("PARAM_VALUE", {"param_id": "X", "param_value": 10**40, "param_type": 6}),
+        ("PARAM_VALUE", {"param_id": "X", "param_value": [], "param_type": 6}),
+        ("ESTIMATOR_STATUS", {"flags": math.inf}),
+        ("ATTITUDE", {"time_boot_ms": math.inf, "yaw": 0.0}),
+        ("COMMAND_ACK", {"command": math.inf, "result": 0}),
+        ("EVENT", {"id": 1, "log_levels": 1, "arguments": 10**40}),
+        ("CURRENT_MODE", []),
+        ("CURRENT_MODE", None),
+    ],
+)
+def test_whatever_arrives_is_counted_and_nothing_raises(bench: _Bench, name: str, fields: Any) -> None:
+    before = bench.telemetry.state()
+    bench.telemetry.take(name, 1, json.dumps(fields))
+    assert bench.telemetry.malformed == 1
+    assert bench.telemetry.state() == before
