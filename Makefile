@@ -58,6 +58,7 @@ test-long: $(VENV)/dev.stamp t265
 faults: $(VENV)/dev.stamp t265
 	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -m 'long or not long' -s $(ARGS)
 	$(BIN)/python -m tests.faults.missions --count 5000 --jobs 2
+	$(BIN)/python -m tests.faults.missions --first 1000000 --count 5000 --jobs 2
 	$(BIN)/python -m tests.faults.missions --real --count 200 --jobs 2
 	$(BIN)/python -m tests.faults.figures
 

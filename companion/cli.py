@@ -35,6 +35,7 @@ _COMMANDS: Final = {
     "replay": "a recorded flight decided again by the same code",
     "report": "a flight log as one page",
 }
+_STDERR: Final = 2
 _MODULES: Final = {"engage": "control", "abort": "control", "check-axes": "check_axes"}
 
 
@@ -66,6 +67,7 @@ def main() -> None:
 
     What the operating system refuses, and what no parser has translated, becomes one line here, for all commands.
     """
+    _have_streams()
     _print_anything()
     code = _run()
     try:
@@ -111,6 +113,19 @@ def _fail(text: str, code: int = 1) -> int:
 def _name_of(error: OSError) -> str:
     name = error.filename2 or error.filename
     return f"{os.fsdecode(name)}: " if isinstance(name, str | bytes) else ""
+
+
+def _have_streams() -> None:
+    """Whoever starts us may have closed them (`>&-`). Then what is opened next would have their numbers, and what a
+    library prints would be written into a log."""
+    while True:
+        number = os.open(os.devnull, os.O_RDWR)
+        if number > _STDERR:
+            os.close(number)
+            break
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - for as long as the process
 
 
 def _print_anything() -> None:

@@ -21,13 +21,23 @@ _KINDS: Final = (
 )
 
 
+class _Reader(io.BufferedReader):
+    """Raises where the file has nothing to give now; its bytes would be None then. The kernel has files that wait."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data: bytes | None = super().read(size)
+        if data is None:
+            raise BlockingIOError(errno.EAGAIN, "gives nothing to read now, expected a file with an end")
+        return data
+
+
 def open_regular(path: str | Path) -> io.BufferedReader:
     """For reading bytes. Raises OSError, whose strerror says what is there instead of a file; never waits."""
     _refuse(path, Path(path).stat().st_mode)
     number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
         _refuse(path, os.fstat(number).st_mode)  # it may have been replaced meanwhile
-        return os.fdopen(number, "rb")
+        return _Reader(io.FileIO(number, "rb"))
     except BaseException:
         os.close(number)
         raise

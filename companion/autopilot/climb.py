@@ -7,6 +7,7 @@ rest far below the height.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from companion.autopilot.port import GaveWayError
@@ -15,8 +16,10 @@ from companion.core.messages import FlightMode, VehicleState
 _SHARE: Final = 0.7
 _MARGIN_M: Final = 0.3
 """By which the height may be misjudged: the estimate's Up wanders on the ground."""
-_STILL_M_S: Final = 0.15
+_STILL_M: Final = 0.15
 _STILL_NS: Final = 1_000_000_000
+"""It rests when its height has stayed so near for so long. Its climb rate is no measure: with GPS in gusts or on a busy
+host the estimate of it goes beyond 0.15 m/s again and again, and the takeoff of a hovering vehicle was never over."""
 
 
 class Climb:
@@ -25,7 +28,8 @@ class Climb:
     def __init__(self, ground_m: float, height_m: float, radius_m: float) -> None:
         self._ends_m = ground_m + height_m - radius_m - _MARGIN_M
         self._least_m = ground_m + _SHARE * height_m
-        self._still_since_ns: int | None = None
+        self._rests_m = -math.inf
+        self._rests_since_ns = 0
         self._holds = False
 
     def hovers(self, state: VehicleState) -> bool:
@@ -38,14 +42,12 @@ class Climb:
             raise GaveWayError("takeoff: the position was lost in the climb")
         height_m = state.p_local_enu_m[2]
         began_low, self._holds = not self._holds and height_m < self._ends_m, True
-        is_still = self._is_still(state.v_local_enu_m_s[2], state.t_mono_ns)
+        is_still = self._is_still(height_m, state.t_mono_ns)
         if began_low or (is_still and height_m < self._least_m):
             raise GaveWayError("takeoff: the climb was ended below its height; somebody else decided")
         return is_still
 
-    def _is_still(self, climb_m_s: float, now_ns: int) -> bool:
-        if abs(climb_m_s) > _STILL_M_S:
-            self._still_since_ns = None
-        elif self._still_since_ns is None:
-            self._still_since_ns = now_ns
-        return self._still_since_ns is not None and now_ns - self._still_since_ns >= _STILL_NS
+    def _is_still(self, height_m: float, now_ns: int) -> bool:
+        if abs(height_m - self._rests_m) > _STILL_M:
+            self._rests_m, self._rests_since_ns = height_m, now_ns
+        return now_ns - self._rests_since_ns >= _STILL_NS

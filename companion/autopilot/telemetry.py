@@ -30,6 +30,7 @@ _AUTOPILOT_COMPONENT = 1
 _MODE_FLAG_SAFETY_ARMED = 128
 _STATE_CRITICAL = 5
 """MAV_STATE_CRITICAL: PX4 sets it while a failsafe flies."""
+_LANDED_STATES = (1, 2, 3, 4)
 _LANDED_STATES_IN_AIR = (2, 3, 4)
 """In air, taking off, landing."""
 _PARAMETER_REAL32 = 9
@@ -37,6 +38,12 @@ _EVENTS_KEPT = 100
 _WARNING = 4
 _KINDS: Final = {3: "ardupilot", 12: "px4"}
 """MAV_AUTOPILOT."""
+_MULTICOPTERS: Final = frozenset({2, 3, 4, 13, 14, 15, 29, 35, 43})
+_OTHERS: Final = {
+    1: "a fixed wing", 7: "an airship", 8: "a balloon", 9: "a rocket", 10: "a ground rover", 11: "a boat",
+    12: "a submarine", 28: "a parafoil", **dict.fromkeys(range(19, 26), "a VTOL"),
+}  # fmt: skip
+"""MAV_TYPE. PX4 flies them all, and only the first kind understands our set points."""
 _ESTIMATED = 1 | 2 | 4
 """ESTIMATOR_STATUS_FLAGS: attitude, horizontal and vertical velocity; all of them are needed,"""
 _POSITION_ESTIMATED = 8 | 16
@@ -79,7 +86,7 @@ class Telemetry:
         self._on_time_question = on_time_question
         self._now_ns = now_ns
         self._lock = threading.Lock()
-        self._known: Fields = {}
+        self._known: Fields = {"landed_unknown": True}
         """Fields of `VehicleState` by name, as last told."""
         handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
@@ -113,7 +120,7 @@ class Telemetry:
         now_ns = self._now_ns()
         try:
             known = self._handlers[name](json.loads(fields_json), now_ns)
-        except (KeyError, TypeError, ValueError):
+        except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, struct.error):
             self.malformed += 1
             return
         with self._lock:
@@ -176,7 +183,7 @@ class Telemetry:
 
     def _forget(self) -> None:
         """All that was of the boot before, but for who it is and that it is heard."""
-        was, self._known = self._known, {"boots": self._known.get("boots", 0) + 1}
+        was, self._known = self._known, {"boots": self._known.get("boots", 0) + 1, "landed_unknown": True}
         self._known.update((name, was[name]) for name in _OF_EVERY_BOOT if name in was)
         self._batteries = Batteries()
         self._arming = ArmingChecks()
@@ -237,7 +244,7 @@ class Telemetry:
     def _battery(self, fields: Fields, now_ns: int) -> Fields:
         percent = int(fields["battery_remaining"])
         with self._lock:
-            self._batteries.take(int(fields["id"]), percent / 100 if percent >= 0 else None, now_ns)
+            self._batteries.take(int(fields["id"]), percent / 100 if 0 <= percent <= 100 else None, now_ns)
         return {}
 
     def _status(self, fields: Fields, now_ns: int) -> Fields:
@@ -277,8 +284,13 @@ def _heartbeat(fields: Fields, now_ns: int) -> Fields:
         "mode_mono_ns": now_ns,
         "armed": bool(fields["base_mode"] & _MODE_FLAG_SAFETY_ARMED),
         "failsafe": fields["system_status"] == _STATE_CRITICAL,
-        "autopilot": _KINDS.get(fields["autopilot"], f"autopilot {int(fields['autopilot'])}"),
+        "autopilot": _autopilot(int(fields["autopilot"]), int(fields["type"])),
     }
+
+
+def _autopilot(kind: int, vehicle: int) -> str:
+    name = _KINDS.get(kind, f"autopilot {kind}")
+    return name if vehicle in _MULTICOPTERS else f"{name} on {_OTHERS.get(vehicle, f'a vehicle of MAV_TYPE {vehicle}')}"
 
 
 def _current_mode(fields: Fields, now_ns: int) -> Fields:
@@ -291,7 +303,8 @@ def _current_mode(fields: Fields, now_ns: int) -> Fields:
 
 
 def _landed_state(fields: Fields, now_ns: int) -> Fields:
-    return {"in_air": fields["landed_state"] in _LANDED_STATES_IN_AIR}
+    landed_state = int(fields["landed_state"])
+    return {"in_air": landed_state in _LANDED_STATES_IN_AIR, "landed_unknown": landed_state not in _LANDED_STATES}
 
 
 def is_healthy(flags: int, in_air: bool) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.config.file import load_config
 from companion.core.messages import Pose
@@ -23,7 +24,7 @@ _NORTH_DEG = 10.0
 
 @click.command("check-axes")
 @click.option("--config", "config_path", type=click.Path(path_type=Path), required=True, help="Of the running service.")
-@click.option("--distance", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Of each move [m].")
+@click.option("--distance", type=Number(0.2, 5.0), default=1.0, show_default=True, help="Of each move [m].")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write the result here.")
 def check_axes(config_path: Path, distance: float, json_path: Path | None) -> None:
     """Check the axes of the poses by moving the vehicle by hand.

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
@@ -22,9 +23,7 @@ _PIPE_WIDTH = 140
 
 @click.command()
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the simulated world.")
-@click.option(
-    "--max-time", type=click.FloatRange(min=1), default=240.0, show_default=True, help="Limit after engaging [s]."
-)
+@click.option("--max-time", type=Number(1, 86400), default=240.0, show_default=True, help="Limit after engaging [s].")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -42,8 +41,6 @@ def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, js
 
     Exit code 0 only when the drone came within 2 m of the robot.
     """
-    if not math.isfinite(max_time):
-        raise click.BadParameter(f"{max_time}: expected seconds", param_hint="--max-time")
     check_writable(json_path, out)
     check_writable(out / "flight.png")
     if json_path is not None and json_path.is_file():

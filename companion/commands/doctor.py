@@ -12,6 +12,7 @@ from typing import Any, Final
 import click
 from rich.progress import Progress
 
+from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.config.file import load_config
@@ -42,7 +43,7 @@ _json = click.option("--json", "json_path", type=click.Path(path_type=Path), hel
 
 
 def _seconds(default: float) -> Callable[[Any], Any]:
-    kind = click.FloatRange(0.5, 60)
+    kind = Number(0.5, 60)
     return click.option("--seconds", type=kind, default=default, show_default=True, help="How long to listen.")
 
 

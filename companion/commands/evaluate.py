@@ -16,6 +16,7 @@ from companion.analysis.result import DEFAULT_LEVERS_M, NO_LEVER, Options
 from companion.analysis.runs import Run, find_runs
 from companion.analysis.summary import lever_line
 from companion.analysis.trajectories import PoseKind
+from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.recordings import lever_option
 from companion.commands.tables import figures_table
@@ -46,7 +47,7 @@ _path = click.Path(path_type=Path, readable=False)  # what cannot be read is sai
 )
 @click.option(
     "--min-reliability",
-    type=click.FloatRange(0, 1),
+    type=Number(0, 1),
     default=0.5,
     show_default=True,
     help="The second table leaves out estimates below this.",

@@ -10,6 +10,7 @@ from typing import Final
 import click
 from rich.progress import Progress
 
+from companion.commands.numbers import Number
 from companion.commands.output_files import write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.errors import CompanionError
@@ -32,7 +33,7 @@ _PATIENCE_S: Final = 3.0
 @click.argument("file", type=click.Path(path_type=Path, readable=False))
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0.01, max=1000),
+    type=Number(0.01, 1000),
     default=1.0,
     show_default=True,
     help="How much faster than recorded. Times fit the card's stamps only at 1.",

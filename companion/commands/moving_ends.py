@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import click
 
 from companion.analysis.result import Options
 from companion.analysis.runs import Run
+from companion.commands.numbers import lever_m, offset_s
 from companion.core.messages import Vector3
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -58,8 +58,7 @@ def with_moving_ends(
     tx_lever: tuple[str, ...],
 ) -> tuple[list[Run], Options]:
     """The runs with their transmitters' trajectories, and the options with offsets and levers. Raises UsageError."""
-    if not math.isfinite(time_offset):
-        raise click.UsageError(f"--time-offset {time_offset}: expected finite seconds")
+    offset_s(f"--time-offset {time_offset}", time_offset)
     paths = {name: Path(text) for name, text in _named("--tx-traj", "FILE", tx_traj)}
     offsets_s = {name: _seconds(name, text) for name, text in _named("--tx-time-offset", "S", tx_time_offset)}
     levers_m = {name: _lever(name, text) for name, text in _named("--tx-lever", "F,L,U", tx_lever)}
@@ -92,23 +91,15 @@ def _check_known(flag: str, given: Mapping[str, object], known: Mapping[str, obj
 
 
 def _seconds(name: str, text: str) -> float:
-    value = _number(text)
-    if value is None:
-        raise click.UsageError(f"--tx-time-offset {name}={text}: expected finite seconds")
-    return value
+    return offset_s(f"--tx-time-offset {name}={text}", _number(text))
 
 
 def _lever(name: str, text: str) -> Vector3:
-    values = [_number(part) for part in text.split(",")]
-    if len(values) != 3 or None in values:
-        raise click.UsageError(f"--tx-lever {name}={text}: expected three finite lengths in metres, F,L,U")
-    forward, left, up = (value for value in values if value is not None)
-    return forward, left, up
+    return lever_m(f"--tx-lever {name}={text}", tuple(_number(part) for part in text.split(",")))
 
 
 def _number(text: str) -> float | None:
     try:
-        value = float(text)
+        return float(text)
     except ValueError:
         return None
-    return value if math.isfinite(value) else None

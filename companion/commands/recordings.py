@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +11,7 @@ import click
 from companion.analysis.result import RunResult
 from companion.analysis.runs import KNOWN_TRANSMITTERS, RecordingError, Run, find_runs, loose_run
 from companion.analysis.trajectories import PoseKind
+from companion.commands.numbers import lever_m
 from companion.commands.output_files import writing
 from companion.core.messages import Vector3
 
@@ -34,17 +34,15 @@ def run_options(command: _Command) -> _Command:
     return command
 
 
-def _finite(_: click.Context, __: click.Parameter, lever: Vector3 | None) -> Vector3 | None:
-    if lever is not None and not all(map(math.isfinite, lever)):
-        raise click.UsageError(f"--lever {' '.join(map(str, lever))}: expected three finite lengths in metres")
-    return lever
+def _near(_: click.Context, __: click.Parameter, lever: Vector3 | None) -> Vector3 | None:
+    return None if lever is None else lever_m(f"--lever {' '.join(map(str, lever))}", lever)
 
 
 lever_option = click.option(
     "--lever",
     type=(float, float, float),
     metavar="F L U",
-    callback=_finite,
+    callback=_near,
     help="Antenna seen from the tracked point, in metres forward, left, up; else that of the WSR robot.",
 )
 

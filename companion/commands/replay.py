@@ -29,6 +29,8 @@ from companion.replay.result import ReplayResult, replay_log, write_log
 _file = click.Path(path_type=Path)
 _WIDTH = 150
 
+_SLOWEST = 1e-3
+
 
 class _Speed(click.ParamType[float | None]):
     name = "X|max"
@@ -40,8 +42,8 @@ class _Speed(click.ParamType[float | None]):
             speed = float(value)
         except ValueError:
             self.fail(f"{value}: expected a positive factor such as 1 or 20, or max", param, ctx)
-        if not 0 < speed < float("inf"):
-            self.fail(f"{value}: expected a positive factor such as 1 or 20, or max", param, ctx)
+        if not _SLOWEST <= speed <= 1 / _SLOWEST:
+            self.fail(f"{value}: expected a positive factor such as 1 or 20, from 0.001 to 1000, or max", param, ctx)
         return speed
 
 

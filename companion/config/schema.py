@@ -1,6 +1,8 @@
 """The keys of a configuration with their types, limits and defaults; what must fit each other is in `rules`.
 
-Angles are in degrees here and nowhere deeper. Relative paths are taken from `runtime_dir`.
+Every number has a least and a largest value: what no vehicle, card or disk can mean is a slip of the pen, and a silence
+without end would be a check that is not there. Angles are in degrees here and nowhere deeper. Relative paths are taken
+from `runtime_dir`.
 """
 
 from __future__ import annotations
@@ -16,8 +18,6 @@ from wsr.channel import channel_frequency_hz
 CHECK = "check"
 """Key of `Meta.extra`: a function that raises ValueError for a value the type permits and the field does not."""
 WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
 Mac = Annotated[
     str,
@@ -37,7 +37,8 @@ Ipv4 = Annotated[
 ]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
-Metres3 = tuple[float, float, float]
+Metres = Annotated[float, Meta(ge=-10000, le=10000)]
+Metres3 = tuple[Metres, Metres, Metres]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ class CsiConfig:
     interface: str | None = None
     """The card's monitor interface, for example mon0: pings are sent there, `doctor radio` looks at it, and `nl80211`
     asks for its reports."""
-    receive_buffer_bytes: Annotated[int, Meta(ge=65536)] = 4 << 20
+    receive_buffer_bytes: Annotated[int, Meta(ge=65536, le=1 << 30)] = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ class NatNetConfig:
     server: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 1510
     """Its command port."""
-    body: Annotated[int, Meta(ge=0)] = 1
+    body: Annotated[int, Meta(ge=0, le=2**31 - 1)] = 1
     """Streaming id of this robot's rigid body."""
     up: Literal["y", "z"] = "y"
     """Motive's up axis as it streams."""
@@ -93,12 +94,12 @@ class PoseConfig:
     """Turn, counter-clockwise, from the tracker's start heading axis (its East) to true East."""
     antenna_m: Metres3 = (0.0, 0.0, 0.0)
     """The receiving antenna in body axes (forward, left, up), from the tracker."""
-    stale_s: Positive = 0.2
+    stale_s: Annotated[float, Meta(ge=0.01, le=2)] = 0.2
     """An aperture with a longer gap is dropped, the vehicle holds, and nothing engages."""
     min_confidence: Annotated[int, Meta(ge=1, le=3)] = 2
     """An aperture with poses below this tracker confidence (T265: 1 low, 2 medium, 3 high) is dropped."""
-    min_rate_hz: Positive = 20.0
-    lost_s: Positive | None = None
+    min_rate_hz: Annotated[float, Meta(ge=1, le=1000)] = 20.0
+    lost_s: Annotated[float, Meta(ge=0.05, le=60)] | None = None
     """After so long without poses the vehicle lands; when absent 8 with GPS, 3 without. A T265 needs up to 7 s to come
     back by itself; without GPS PX4 flies on for no more than 4.6 s, and then lands blind."""
 
@@ -131,8 +132,8 @@ class NeighbourConfig:
     kernel's routes decide; a multicast group needs either."""
     refuse_lookalikes: bool = False
     """Let a robot whose profiles cannot be told from another's steer nothing. It is reported in any case."""
-    rate_hz: Annotated[float, Meta(gt=0, le=50)] = 10.0
-    pose_rate_hz: Annotated[float, Meta(gt=0, le=200)] = 50.0
+    rate_hz: Annotated[float, Meta(ge=0.1, le=50)] = 10.0
+    pose_rate_hz: Annotated[float, Meta(ge=0.1, le=200)] = 50.0
     budget_bytes_s: Annotated[float, Meta(ge=2000, le=50000)] = 5000.0
     """Of our datagrams as an interface counts them; channels beyond it are left out evenly. 5000 carries 210 packets/s
     with 50 poses/s whatever the channels are, and the 250 packets/s of the recordings that have most."""
@@ -155,21 +156,21 @@ class ApertureConfig:
     """One SAR iteration."""
 
     estimator: Literal["robust", "music", "bartlett"] = "robust"
-    length_m: Positive = 1.2
-    min_packets: Annotated[int, Meta(ge=16)] = 80
-    max_pose_gap_s: Positive = 0.05
-    period_s: Positive = 0.5
+    length_m: Annotated[float, Meta(ge=0.1, le=20)] = 1.2
+    min_packets: Annotated[int, Meta(ge=16, le=100000)] = 80
+    max_pose_gap_s: Annotated[float, Meta(ge=0.005, le=1)] = 0.05
+    period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
     """How often an estimate is made, if the worker keeps up; apertures overlap."""
-    settle_s: NotNegative = 0.3
+    settle_s: Annotated[float, Meta(ge=0, le=10)] = 0.3
     """How long reverse channels have to arrive: an aperture ends that long ago."""
-    silent_s: Positive = 2.0
+    silent_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0
     """Without packets or without datagrams of the target for so long, the vehicle holds."""
     blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
     """After so many apertures' worth of path without a bearing that may steer, the vehicle holds; after holding so
     often, it lands."""
     min_reliability: Fraction = 0.1
     """A bearing below this says little; alone it does not steer."""
-    worker_timeout_s: Positive = 2.0
+    worker_timeout_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,19 +205,19 @@ class MissionConfig:
     yaw: Literal["fixed", "target"] = "fixed"
     """Keep the heading of the start, or turn the nose to the target."""
     takeoff_height_m: Annotated[float, Meta(ge=0.5, le=20)] = 1.5
-    speed_m_s: Annotated[float, Meta(gt=0, le=2)] = 0.5
-    acceleration_m_s2: Positive = 0.8
-    lateral_weave_m: NotNegative = 0.12
-    vertical_weave_m: NotNegative = 0.1
+    speed_m_s: Annotated[float, Meta(ge=0.02, le=2)] = 0.5
+    acceleration_m_s2: Annotated[float, Meta(ge=0.05, le=10)] = 0.8
+    lateral_weave_m: Annotated[float, Meta(ge=0, le=5)] = 0.12
+    vertical_weave_m: Annotated[float, Meta(ge=0, le=5)] = 0.1
     target: RobotId | None = None
     """Id of the peer to fly to; the first of `peers` when absent."""
     min_battery: Fraction = 0.2
     """Below this share of charge the vehicle lands."""
-    limit_s: Positive = 900.0
+    limit_s: Annotated[float, Meta(ge=1, le=86400)] = 900.0
     """Longest approach, after which the vehicle lands."""
-    hold_limit_s: Positive = 60.0
+    hold_limit_s: Annotated[float, Meta(ge=1, le=3600)] = 60.0
     """After holding for so long without the target the vehicle is left as lost_target says."""
-    arrival_range_m: Positive = 2.0
+    arrival_range_m: Annotated[float, Meta(ge=0.1, le=100)] = 2.0
     """The mission has arrived when the target is within this range,"""
     arrival_confidence: Annotated[float, Meta(ge=0.5, lt=1)] = 0.9
     """with this probability, over a whole aperture of new packets."""
@@ -228,16 +229,16 @@ class GateConfig:
 
     fence_min_m: Metres3 = (-50.0, -50.0, -1.0)
     fence_max_m: Metres3 = (50.0, 50.0, 10.0)
-    fence_yaw_deg: float = 0.0
+    fence_yaw_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
     """By which the box is turned about the origin, counter-clockwise from East: fence_min_m and fence_max_m are along
     its own axes, as the walls of a building are. Heights and the cylinder do not turn."""
-    fence_radius_m: Positive = 60.0
-    max_speed_m_s: Positive = 1.0
-    max_climb_m_s: Positive = 0.7
-    max_acceleration_m_s2: Positive = 3.0
-    min_height_m: float = 0.5
-    max_age_s: Positive = 0.2
-    min_neighbour_m: Positive = 1.0
+    fence_radius_m: Annotated[float, Meta(ge=0.5, le=10000)] = 60.0
+    max_speed_m_s: Annotated[float, Meta(ge=0.05, le=20)] = 1.0
+    max_climb_m_s: Annotated[float, Meta(ge=0.05, le=10)] = 0.7
+    max_acceleration_m_s2: Annotated[float, Meta(ge=0.05, le=20)] = 3.0
+    min_height_m: Annotated[float, Meta(ge=-100, le=100)] = 0.5
+    max_age_s: Annotated[float, Meta(ge=0.02, le=1)] = 0.2
+    min_neighbour_m: Annotated[float, Meta(ge=0.01, le=100)] = 1.0
     """Least distance of a set point from where another robot is known to be."""
 
 
@@ -246,18 +247,18 @@ class RecorderConfig:
     """The flight's log; see docs/log.md."""
 
     path: str = "log.mcap"
-    queue_messages: Annotated[int, Meta(ge=100)] = 20000
+    queue_messages: Annotated[int, Meta(ge=100, le=1000000)] = 20000
     """Messages that wait for the disk; more are dropped and counted."""
     compression: Literal["zstd", "lz4"] = "zstd"
     chunk_kb: Annotated[int, Meta(ge=64, le=256)] = 64
     """A chunk ends at this size before compression, or after 0.85 s."""
-    rotate_mb: Annotated[float, Meta(ge=2)] = 256.0
+    rotate_mb: Annotated[float, Meta(ge=2, le=1000000)] = 256.0
     """A file is finished and the next begun before it exceeds this size."""
-    rotate_s: Positive = 1800.0
+    rotate_s: Annotated[float, Meta(ge=0.1, le=604800)] = 1800.0
     """So is one of this age."""
-    budget_mb: Positive = 4096.0
+    budget_mb: Annotated[float, Meta(ge=2, le=100000000)] = 4096.0
     """All files of the recording together; the oldest finished ones go first."""
-    min_free_mib: NotNegative = 500.0
+    min_free_mib: Annotated[float, Meta(ge=0, le=10000000)] = 500.0
     """Nothing engages with less space left on the log's disk."""
 
 

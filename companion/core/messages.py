@@ -74,6 +74,8 @@ class VehicleState:
     """When the mode was last told (HEARTBEAT or CURRENT_MODE)."""
     armed: bool = False
     in_air: bool = False
+    landed_unknown: bool = False
+    """It has not told whether it is in the air."""
     failsafe: bool = False
     """The autopilot flies one of its own emergency procedures."""
     position_mono_ns: int | None = None

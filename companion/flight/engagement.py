@@ -124,6 +124,7 @@ class Engagement:
             mode=vehicle.mode,
             intended_mode=vehicle.intended_mode,
             in_air=vehicle.in_air,
+            landed_unknown=vehicle.landed_unknown,
             armed=vehicle.armed,
             can_arm=vehicle.can_arm,
             arming_reasons=vehicle.arming_reasons,

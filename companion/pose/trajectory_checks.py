@@ -17,15 +17,24 @@ MAX_POSITION_M: Final = 1e5
 _MAX_EXTENT_M: Final = 5e3
 """WiFi is not heard so far."""
 _MAX_SPEED_M_S: Final = 30.0
+_MAX_STEADY_M_S: Final = 10.001
+"""Over seconds. Twice what 200 packets a second sample at 5 GHz, and a slow robot's in centimetres."""
+_STEADY_S: Final = 2.0
 _MAX_FAST: Final = 0.1
 """Share of the path: a tracker that lost itself may jump now and then, another unit is fast everywhere."""
 _SPEED_OVER_S: Final = 0.5
 _MAX_STAMP_S: Final = 1e10
 _UNITS: Final = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"), (0.0, "another unit"))
 _MAX_INTERVAL_S: Final = 1.0
+_LEAST_INTERVAL_S: Final = 5e-4
 _MANY: Final = 10
+_MAX_EQUAL: Final = 0.5
+_LEAST_FRACTION: Final = 0.01
+"""Over seconds, stamps at any rate reach beyond it."""
 _MAX_STEPPED_BACK: Final = 0.1
 _MAX_NORM_ERROR: Final = 0.1
+_TIPPED, _LEVEL = 0.25, 0.03
+"""Squares of the sine of half the tilt: 60 and 20 degrees."""
 
 
 def check_stamps(path: str, lines: Lines, t_s: Array) -> None:
@@ -44,6 +53,22 @@ def check_stamps(path: str, lines: Lines, t_s: Array) -> None:
         raise TrajectoryError(
             f"{path}: line {lines[at]} is stamped {steps_s[at - 1]:.6g} s after the one before, and so is most of it; "
             "expected seconds, poses less than 1 s apart. Are these milliseconds? A heading `time_ms` says so"
+        )
+    if len(t_s) >= _MANY and np.mean(steps_s == 0) > _MAX_EQUAL:
+        at = int(np.argmax(steps_s == 0)) + 1
+        raise TrajectoryError(
+            f"{path}: line {lines[at]} has the stamp of the one before, {t_s[at]:.10g}, as most of it has; expected "
+            "seconds with their fraction, or sec and nsec"
+        )
+    if len(t_s) >= _MANY and t_s[-1] - t_s[0] > 2 * _MAX_INTERVAL_S and np.max(t_s % 1.0) < _LEAST_FRACTION:
+        raise TrajectoryError(
+            f"{path}: every stamp is within {_LEAST_FRACTION:g} s of a whole second, from line {lines[0]} on; expected "
+            "nanoseconds beside the seconds, not micro- or milliseconds"
+        )
+    if len(t_s) >= _MANY and np.median(steps_s) < _LEAST_INTERVAL_S:
+        raise TrajectoryError(
+            f"{path}: {1 / np.median(steps_s):.4g} poses a second from line {lines[0]} on; expected seconds, "
+            f"{1 / _LEAST_INTERVAL_S:g} poses or fewer in one. Are these minutes?"
         )
 
 
@@ -73,18 +98,21 @@ def check_speed(path: str, lines: Lines, t_s: Array, p_m: Array) -> None:
     apart = min(len(steps_s), max(1, int(np.ceil(_SPEED_OVER_S / max(float(np.median(steps_s)), 1e-6)))))
     over_s = t_s[apart:] - t_s[:-apart]
     speed_m_s = np.linalg.norm(p_m[apart:] - p_m[:-apart], axis=1) / np.maximum(over_s, 1e-9)
-    fast = np.flatnonzero((speed_m_s > _MAX_SPEED_M_S) & (over_s > 0))
-    if len(fast) > _MAX_FAST * len(speed_m_s):
-        at = int(fast[0])
-        raise TrajectoryError(
-            f"{path}: line {lines[at + apart]} is {speed_m_s[at]:.4g} m/s after line {lines[at]}; expected below "
-            f"{_MAX_SPEED_M_S:g}, positions in metres and stamps in seconds. If these are millimetres, a heading such "
-            "as `x [mm]` says so"
-        )
+    limits_m_s = (_MAX_SPEED_M_S, _MAX_STEADY_M_S) if t_s[-1] - t_s[0] > _STEADY_S else (_MAX_SPEED_M_S,)
+    for most_m_s in limits_m_s:
+        fast = np.flatnonzero((speed_m_s > most_m_s) & (over_s > 0))
+        if len(fast) > _MAX_FAST * len(speed_m_s):
+            at = int(fast[0])
+            raise TrajectoryError(
+                f"{path}: line {lines[at + apart]} is {speed_m_s[at]:.4g} m/s after line {lines[at]}; expected below "
+                f"{most_m_s:.0f}, positions in metres and stamps in seconds. If these are millimetres or centimetres, "
+                "a heading such as `x [mm]` says so"
+            )
 
 
 def check_quaternions(path: str, lines: Lines, q: Array) -> Array:
-    """(N, 4) made unit. Raises TrajectoryError where a norm is off 1 by more than 0.1: those are no quaternions."""
+    """(N, 4), w first, made unit. Raises TrajectoryError where a norm is off 1 by more than 0.1: those are no
+    quaternions; and where they make sense in the other order alone."""
     norm = np.linalg.norm(q, axis=1)
     wrong = np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR)
     if len(wrong):
@@ -92,7 +120,18 @@ def check_quaternions(path: str, lines: Lines, q: Array) -> Array:
             f"{path}: line {lines[wrong[0]]} has a quaternion of norm {norm[wrong[0]]:.3g}; expected 1 within 0.1 "
             "(qx, qy, qz, qw in this order, unless headings say otherwise)"
         )
-    return np.asarray(q / norm[:, None])
+    unit = np.asarray(q / norm[:, None])
+    if _tilt(unit[:, 1], unit[:, 2]) > _TIPPED and _tilt(unit[:, 2], unit[:, 3]) < _LEVEL:
+        raise TrajectoryError(
+            f"{path}: from line {lines[0]} on the robot lies on its side or back, and with w first it would stand. "
+            "Expected qx, qy, qz, qw in this order, unless headings say otherwise"
+        )
+    return unit
+
+
+def _tilt(qx: Array, qy: Array) -> float:
+    """Square of the sine of half the tilt, in the middle of a recording."""
+    return float(np.median(qx**2 + qy**2))
 
 
 def in_order(path: str, lines: Lines, t_s: Array, notes: list[str]) -> npt.NDArray[np.bool_]:

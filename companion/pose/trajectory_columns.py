@@ -38,8 +38,17 @@ _MEANINGS: Final[Mapping[str, re.Pattern[str]]] = MappingProxyType(
         **{angle: re.compile(rf"(?:.*_)?{angle}") for angle in ("roll", "pitch", "yaw")},
     }
 )
-_TIME_UNITS: Final = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "nsec": 1e-9}
-_LENGTH_UNITS: Final = {"": 1.0, "m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
+_TIME_UNITS: Final = {
+    **dict.fromkeys(("", "s", "sec", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
+}
+_LENGTH_UNITS: Final = {
+    **dict.fromkeys(("", "m", "meters", "metres"), 1.0),
+    **dict.fromkeys(("cm", "centimeters", "centimetres"), 1e-2),
+    **dict.fromkeys(("mm", "millimeters", "millimetres"), 1e-3),
+}
 _ANGLE_UNITS: Final = {
     "": 1.0,
     "rad": 1.0,
@@ -48,6 +57,13 @@ _ANGLE_UNITS: Final = {
     "degrees": 0.017453292519943295,
 }
 _UNIT: Final = re.compile(r"[\[(]([^\])]*)[\])]")
+_NOT_MEASURED: Final = re.compile(
+    r"(?:.*_)?(?:set_?point|sp|goal|desired|ref|reference|cmd|command|err|error|cov|covariance|std|stddev|sigma|rms|var"
+    r"|variance|vel|velocity|acc|acceleration)(?:_.*)?"
+)
+"""Beside a pose there may be what was asked for, and how sure it is: neither is a place."""
+_OTHER_TURN: Final = re.compile(r"(?:.*_)?(?:(?:q|quat|quaternion)_?(?:\d|[rijk])|r_?[xyzw])")
+"""An attitude in one of several orders, or a rotation vector, or angles: nobody can tell."""
 _SUFFIX: Final = re.compile(r"(.+)_(ns|us|ms|s|m|cm|mm|deg|rad)")
 
 
@@ -155,7 +171,13 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
     nsec = found["nsec"][0].index if "sec" in found and "nsec" in found else None
     x, y, z = (found[axis][0] for axis in "xyz")
     angles = _angles(found, bool(quaternion))
+    if not quaternion and angles is None:
+        _refuse_other_turns(path, texts)
     turn = found["yaw"][0] if angles is not None else None
+    place_scale = _scale(path, x, _LENGTH_UNITS)
+    _check_one_unit(path, [found[axis][0] for axis in "xyz"])
+    if angles is not None:
+        _check_one_unit(path, [found[key][0] for key in ("yaw", "pitch", "roll") if key in found])
     if turn is not None and not turn.unit:
         notes.append(f"{turn.text} is taken for radians: its heading does not say")
     if not time.unit and x.name == "p_rs_r_x":  # EuRoC's ground truth, whose stamps are nanoseconds
@@ -169,7 +191,7 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
         time_scale=_scale(path, time, _TIME_UNITS),
         nsec=nsec,
         place=(x.index, y.index, z.index),
-        place_scale=_scale(path, x, _LENGTH_UNITS),
+        place_scale=place_scale,
         attitude=(qx, qy, qz, qw) if quaternion else None,
         angles=angles,
         angle_scale=1.0 if turn is None else _scale(path, turn, _ANGLE_UNITS),
@@ -177,6 +199,24 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
         other_time=None if other is None else (other.index, _scale(path, other, _TIME_UNITS)),
         notes=tuple(f"{path}: {note}" for note in notes),
     )
+
+
+def _check_one_unit(path: str, headings: Sequence[_Heading]) -> None:
+    """Raises TrajectoryError where one says millimetres and the next does not."""
+    first = headings[0]
+    for other in headings[1:]:
+        if other.unit != first.unit:
+            raise TrajectoryError(
+                f"{path}: headings {first.text} and {other.text} are not of one unit; expected the same for all of them"
+            )
+
+
+def _refuse_other_turns(path: str, texts: Sequence[str]) -> None:
+    others = [text.strip() for text in texts if _OTHER_TURN.fullmatch(_heading(0, text).name)]
+    if others:
+        raise TrajectoryError(
+            f"{path}: headings {', '.join(others)} may be an attitude in any order; expected qx, qy, qz, qw"
+        )
 
 
 def are_headings(texts: Sequence[str]) -> bool:
@@ -189,6 +229,8 @@ def _meanings(texts: Sequence[str]) -> dict[str, list[_Heading]]:
     found: dict[str, list[_Heading]] = {}
     for index, text in enumerate(texts):
         heading = _heading(index, text)
+        if _NOT_MEASURED.fullmatch(heading.name):
+            continue
         for key, pattern in _MEANINGS.items():
             if pattern.fullmatch(heading.name):
                 found.setdefault(key, []).append(heading)

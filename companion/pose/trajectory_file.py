@@ -124,12 +124,16 @@ def _rows(lines: Sequence[str]) -> list[Row]:
 
 
 def _separator(line: str) -> str | None:
-    return next((mark for mark in ",;" if mark in line), None)
+    """None for blanks of any kind; a tab where headings have blanks of their own (`time [s]`)."""
+    marks = ",;" if all(map(_is_number, line.split())) else ",;\t"
+    return next((mark for mark in marks if mark in line), None)
 
 
 def _fields(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
+    if separator == "\t":
+        return line.split(separator) if "\t" in line else line.split()
     if '"' in line:
         return next(csv.reader([line], delimiter=separator))
     return line.split(separator)
@@ -140,6 +144,8 @@ def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) 
     separator, width = _separator(lines[line - 1]), len(_stripped(first))
     if not any(map(_is_number, first)):
         columns, rows = columns_by_headings(name, _stripped(first)), rows[1:]
+        if separator is None:  # a blank within a heading shifts all that follow
+            columns = replace(columns, exact=True)
     elif (headings := _commented(lines[: line - 1], separator, width)) is not None:
         columns = columns_by_headings(name, headings)
     else:

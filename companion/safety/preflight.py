@@ -83,7 +83,7 @@ REQUIREMENTS: Final = (
         "SYS_HAS_GPS", Needed.VISION, lambda v: v == 0, "0", "without GPS PX4 must not wait for it before arming",
     ),
     Requirement(
-        "EKF2_EV_CTRL", Needed.VISION, lambda v: int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
+        "EKF2_EV_CTRL", Needed.VISION, lambda v: v > 0 and int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
         "position, height and yaw come from our poses (bits 1, 2 and 8; 4 adds velocity)",
     ),
     Requirement(
@@ -122,8 +122,12 @@ def parameter_problems(values: Mapping[str, float | str], gps: bool, heights: He
         value = values[requirement.name]
         if isinstance(value, str):
             yield f"{value}; wanted {requirement.wanted}: {requirement.why}"
-        elif not requirement.accepts(value) or _has_no_room(requirement.name, value, values, heights):
+        elif not _is_met(requirement, value) or _has_no_room(requirement.name, value, values, heights):
             yield requirement.problem(value)
+
+
+def _is_met(requirement: Requirement, value: float) -> bool:
+    return math.isfinite(value) and requirement.accepts(value)
 
 
 def _has_no_room(name: str, value: float, values: Mapping[str, float | str], heights: Heights) -> bool:
@@ -154,12 +158,13 @@ class Readiness:
     mode: FlightMode | None = None
     intended_mode: FlightMode | None = None
     in_air: bool = False
+    landed_unknown: bool = False
     armed: bool = False
     can_arm: bool | None = None
     """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
     arming_reasons: tuple[str, ...] = ()
     not_px4: str = ""
-    """What the vehicle says it is, where that is no PX4."""
+    """What the vehicle says it is, where that is no PX4 on a multicopter."""
     timesync_age_s: float
     time_known: bool = True
     """The vehicle's own time is known, or no poses are to be stamped in it."""
@@ -210,7 +215,8 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it is "
         "given an origin (autopilot.origin_deg) once it takes our poses": now.position_is_global is False,
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
-        f"the vehicle is no PX4 but {now.not_px4}": bool(now.not_px4),
+        _other_vehicle(now.not_px4): bool(now.not_px4),
+        "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)": linked and now.landed_unknown,
         _mode_problem(now): True,
         f"PX4's own arming checks fail: {'; '.join(now.arming_reasons) or 'it has not said why'}": linked
         and not now.armed
@@ -233,6 +239,11 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         < limits.min_free_mib,
     }
     return [text for text, is_so in problems.items() if is_so and text]
+
+
+def _other_vehicle(told: str) -> str:
+    other = told.removeprefix("px4 on ")
+    return f"the vehicle is no PX4 but {told}" if other == told else f"the vehicle is no multicopter but {other}"
 
 
 def _mode_problem(now: Readiness) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from companion.core.clock import NS_PER_S, HostSleep
-from companion.core.inputs import Event
+from companion.core.inputs import Event, Wish
 from companion.flight.loop import Flight
 from companion.flight.rc_switch import RcSwitch
 from companion.flight.records import MissionStep
@@ -18,8 +18,8 @@ from companion.safety.gate import Gate, Verdict
 from tests.faults.campaigns import runs
 from tests.faults.missions import promises
 from tests.faults.missions.fly import fly
-from tests.faults.missions.scenario import Fault, Scenario, draw
-from tests.faults.missions.trace import Sent, Trace
+from tests.faults.missions.scenario import CHECKS_FROM, Fault, Scenario, draw
+from tests.faults.missions.trace import Asked, Sent, Trace
 
 # A command that is given up before it began was never awaited; the service says so in no other way.
 pytestmark = pytest.mark.filterwarnings("ignore:.*never awaited", "ignore::pytest.PytestUnraisableExceptionWarning")
@@ -34,6 +34,15 @@ _PLAIN = 3
 def test_fault_43_random_missions_keep_the_promises(block: int) -> None:
     broken = {}
     for seed in range(block * _BLOCK, (block + 1) * _BLOCK):
+        if found := promises.violations(fly(draw(seed))):
+            broken[seed] = found
+    assert broken == {}
+
+
+@pytest.mark.parametrize("block", range(runs(5, 50)))
+def test_fault_43_missions_whose_arming_checks_fail_keep_the_promises(block: int) -> None:
+    broken, first = {}, CHECKS_FROM + block * _BLOCK
+    for seed in range(first, first + _BLOCK):
         if found := promises.violations(fly(draw(seed))):
             broken[seed] = found
     assert broken == {}
@@ -104,9 +113,17 @@ def test_a_pilot_who_ends_offboard_as_it_is_granted_keeps_the_vehicle(seed: int)
     assert promises.violations(fly(draw(seed))) == []
 
 
+_AS_GRANTED = tuple(Fault(3.0 + 0.05 * i, "pilot", "HOLD", 0.0, 0.0) for i in range(10))
+"""One of these falls between the granting of OFFBOARD and the telling of it."""
+
+
+def test_a_pilot_who_chooses_hold_as_offboard_is_granted_keeps_the_vehicle() -> None:
+    assert [promises.violations(fly(flight_with(pilot))) for pilot in _AS_GRANTED] == [[]] * len(_AS_GRANTED)
+
+
 def test_red_an_edge_that_asks_again_for_what_was_granted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.autopilot.mavsdk_edge._ACCEPTED", -1)
-    assert [one.promise for one in promises.violations(fly(draw(9668)))] == ["never_taken_back"]
+    assert set().union(*(broken_by(flight_with(pilot)) for pilot in _AS_GRANTED)) == {"never_taken_back"}
 
 
 def test_red_an_abort_that_leaves_a_granted_engagement(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,6 +196,29 @@ def test_red_a_gate_and_a_table_that_do_not_look_at_ages(monkeypatch: pytest.Mon
 def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.flight.engagement.readiness_problems", lambda *_: [])
     assert "preflight_holds" in broken_by(flight_with(Fault(0.5, "clock", "", 5.0, 0.0)))
+
+
+_CHECKS_FAIL = Fault(0.0, "checks", "accel_missing", 30.0, 0.0)
+
+
+def on_the_ground(*faults: Fault) -> Scenario:
+    """Where PX4's own checks count: armed they have passed."""
+    return dataclasses.replace(flight_with(*faults), starts_in_air=False)
+
+
+def test_a_vehicle_whose_checks_fail_is_refused_with_the_reason_and_never_asked_to_arm() -> None:
+    trace = fly(on_the_ground(_CHECKS_FAIL))
+    (refused,) = [wish.refusal for wish in trace.of(Wish) if wish.wish is Event.ENGAGE]
+    assert "PX4's own arming checks fail: accel missing" in refused
+    assert trace.of(Asked, Sent) == [] and promises.violations(trace) == []
+    assert State.TAKING_OFF in states(fly(on_the_ground()))
+
+
+@pytest.mark.parametrize("word", ["accel_missing", "unexplained", "untold"])
+def test_red_checks_that_nobody_looks_at(monkeypatch: pytest.MonkeyPatch, word: str) -> None:
+    monkeypatch.setattr("companion.autopilot.arming_checks.ArmingChecks.passed", lambda *_: True)
+    failing = dataclasses.replace(_CHECKS_FAIL, word=word)
+    assert "preflight_holds" in broken_by(on_the_ground(failing))
 
 
 def test_red_a_service_that_engages_itself(monkeypatch: pytest.MonkeyPatch) -> None:

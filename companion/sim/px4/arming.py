@@ -35,6 +35,18 @@ def prearm_health(commander: Commander) -> int:
     return PREARM_CHECK if commander.armed or commander.can_arm else 0
 
 
+def report(commander: Commander) -> list[tuple[int, int, bytes]]:
+    """A whole report: number, levels and arguments of each event."""
+    found = [(CHECKS[name], _ERROR, struct.pack("<IB", _EVERY_MODE, 20)) for name in commander.failing_checks]
+    return [
+        (_SUMMARY, _PROTOCOL, b""),
+        (_NO_OFFBOARD_SIGNAL, _ERROR, struct.pack("<IB", _OFFBOARD_ONLY, 20)),
+        (_NO_STICKS, _WARNING, struct.pack("<IB", _EVERY_MODE, 7)),
+        *found,
+        (_HEALTH_SUMMARY, _PROTOCOL, b""),
+    ]
+
+
 class ArmingReports:
     """Writes its frames to the file of `mav`."""
 
@@ -54,14 +66,9 @@ class ArmingReports:
             self.send(now_ns)
 
     def send(self, now_ns: int) -> None:
-        """A whole report."""
         self._reported, self._next_ns = self._found(), now_ns + _EVERY_NS
-        self._event(_SUMMARY, _PROTOCOL, b"", now_ns)
-        self._event(_NO_OFFBOARD_SIGNAL, _ERROR, struct.pack("<IB", _OFFBOARD_ONLY, 20), now_ns)
-        self._event(_NO_STICKS, _WARNING, struct.pack("<IB", _EVERY_MODE, 7), now_ns)
-        for name in self._commander.failing_checks:
-            self._event(CHECKS[name], _ERROR, struct.pack("<IB", _EVERY_MODE, 20), now_ns)
-        self._event(_HEALTH_SUMMARY, _PROTOCOL, b"", now_ns)
+        for number, levels, arguments in report(self._commander):
+            self._event(number, levels, arguments, now_ns)
 
     def _found(self) -> tuple[object, ...]:
         return (self._commander.failing_checks, self._commander.can_arm)

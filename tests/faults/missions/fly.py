@@ -49,6 +49,8 @@ _POLL_S: Final = 0.05
 """How often the edge looks whether what it asked for has come, instead of each 10 ms."""
 _AT_REST = frozenset({State.IDLE, State.LATCHED, State.FAULT})
 _ASKS_AFTER_S = (1.0, 2.0, 4.0)
+_CHECKS_S = 3.0
+"""How old a word that PX4's arming checks pass may be."""
 _QUIET_S = 4.0
 """A mission is flown on for so long after the last that was to happen."""
 
@@ -233,6 +235,7 @@ class World:
         now_ns, commander = self.clock.t_ns, self.vehicle.commander
         ready = (
             service.sar.is_ready, not service.failed, service.senses.is_related, not commander.estimator.broken,
+            now_ns - self.vehicle.checks_passed_ns <= _CHECKS_S * NS_PER_S,
         )  # fmt: skip
         if service.flight.state not in _AT_REST:
             self._flew_ns = now_ns
@@ -338,6 +341,7 @@ class World:
         vehicle.is_deaf = self.lasts("deaf")
         vehicle.parameters_silent = self.word("parameters") == "silent"
         vehicle.commander.parameters["COM_OF_LOSS_T"] = 10.0 if self.word("parameters") == "wrong" else 1.0
+        vehicle.let_fail(tuple(fault.word for _, fault in self._lasting if fault.kind == "checks"))
         vehicle.commander.estimator.broken = self.lasts("estimator")
         wind = next((fault for _, fault in self._lasting if fault.kind == "wind"), None)
         angle = 0.0 if wind is None else math.tau * wind.size

@@ -45,6 +45,10 @@ _LAST_S: Final = (5.0, 8.0, 8.0, 12.0, 16.0, 24.0)
 """When a mission's faults are over. An engagement begins after 1 to 2 s, a takeoff takes 5, a leg and its bearing 4."""
 _NEAR_EVERY: Final = 4
 """Of so many missions one is near its target, has its faults over half a minute, and may arrive."""
+CHECKS_FROM: Final = 1_000_000
+"""From this seed on PX4's own arming checks fail as well. Drawn apart, so a seed below draws what it did before."""
+_CHECKS: Final = ("high_accel_bias", "accel_missing", "usb_connected", "global_pos", "unexplained", "untold")
+"""Checks of the mock's that fail; failing without an event that says which; no SYS_STATUS at all."""
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
 
 
@@ -90,11 +94,12 @@ def draw(seed: int) -> Scenario:
     if is_near:
         range_m, config = rng.uniform(1.5, 3.5), _arriving(rng, config)
         faults = [fault for fault in faults if fault.kind == "engage"] + [_fault(rng, 30.0) for _ in range(2)]
+    checks, may_hover = _checks(seed)
     return Scenario(
         seed=seed,
         config=config,
-        faults=tuple(sorted(faults, key=lambda fault: fault.at_s)),
-        starts_in_air=rng.random() < 0.6 or is_near,
+        faults=tuple(sorted(faults + checks, key=lambda fault: fault.at_s)),
+        starts_in_air=(rng.random() < 0.6 or is_near) and may_hover,
         target_enu_m=(range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad), rng.uniform(0.0, 1.5)),
         asks_again=rng.choice((0, 1, 2)),
         rc_loss_act=rng.choice((4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 3, 0)),
@@ -113,6 +118,18 @@ def _fault(rng: random.Random, last_s: float) -> Fault:
     low_s, high_s = DURATIONS_S.get(kind, (0.0, 0.0))
     for_s = low_s * (high_s / low_s) ** rng.random() if low_s else 0.0
     return Fault(rng.uniform(0.3, last_s), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
+
+
+def _checks(seed: int) -> tuple[list[Fault], bool]:
+    """What PX4's checks find, mostly about when a person engages; and whether the vehicle may begin in the air."""
+    if seed < CHECKS_FROM:
+        return [], True
+    rng = random.Random(f"checks {seed}")
+    found = []
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        at_s = rng.uniform(0.0, rng.choice((2.0, 2.0, 8.0, 20.0)))
+        found.append(Fault(at_s, "checks", rng.choice(_CHECKS), 0.1 * 150.0 ** rng.random(), 0.0))
+    return found, rng.random() < 0.3
 
 
 def _config(rng: random.Random, has_switch: bool) -> Config:

@@ -28,7 +28,7 @@ class Ticked:
     packet_s: float
     datagram_s: float
     ready: tuple[bool, ...]
-    """Worker, recorder, clock relation, estimator: whether each is as it should be."""
+    """Worker, recorder, clock relation, estimator, arming checks: whether each is as it should be."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Demand, Gusts
-from companion.sim.px4.arming import prearm_health
+from companion.sim.px4.arming import CHECKS, prearm_health, report
 from companion.sim.px4.commander import Commander, Mode, Result
 from companion.sim.px4.parameters import field_and_kind, written
 from tests.faults.missions.scenario import SWITCH_CHANNEL, Scenario
@@ -29,7 +29,7 @@ _POSITION_TEXT: Final = (
 _HEARTBEATS: Final = frozenset({"HEARTBEAT"})
 _POSITION: Final = frozenset({"LOCAL_POSITION_NED", "ATTITUDE"})
 _UP_NS: Final = 9_400_000_000
-_SET_MODE, _TAKEOFF, _ARM, _REQUEST = 176, 22, 400, 512
+_SET_MODE, _TAKEOFF, _ARM, _REQUEST, _CHECK = 176, 22, 400, 512, 401
 
 
 class Vehicle:
@@ -52,6 +52,13 @@ class Vehicle:
         self.is_deaf = self.parameters_silent = False
         self.commands = self.offboard = ""
         self.silent_until_ns = 0
+        self.checks: tuple[str, ...] = ()
+        """What is wrong with its arming checks, as `Fault` has the words."""
+        self.checks_passed_ns = -NS_PER_S << 20
+        """When the program that runs was last told that they pass; long ago once it was told that they do not."""
+        self._explains = any(fault.kind == "checks" for fault in scenario.faults)
+        self._explained: object = None
+        self._explain_ns = 0
         self._boot_ns = clock.t_ns - _UP_NS
         self._due_ns = dict.fromkeys(_PERIOD_NS, 0)
         if scenario.config.autopilot is None or scenario.config.autopilot.engage_rc_channel is None:
@@ -96,11 +103,32 @@ class Vehicle:
             self._due_ns[name] = max(due_ns + _PERIOD_NS[name], now_ns - _PERIOD_NS[name])
             self._say(name)
         self._mode_told = mode
+        if self._explains and now_ns >= self._explain_ns and self._explained != self._found:
+            self._explain()
+
+    @property
+    def _found(self) -> object:
+        return self.commander.failing_checks, self.commander.can_arm
+
+    def _explain(self) -> None:
+        """PX4's report of its arming checks: when it changes, 2 s after the last at the soonest, or when asked."""
+        self._explained, self._explain_ns = self._found, self.now_ns + 2 * NS_PER_S
+        if "unexplained" in self.checks or self.is_muted("EVENT"):
+            return
+        for number, levels, arguments in report(self.commander):
+            self.message("EVENT", {"id": number, "log_levels": levels, "arguments": list(arguments.ljust(40, b"\0"))})
+
+    def let_fail(self, words: tuple[str, ...]) -> None:
+        self.checks = words
+        failing = tuple(word for word in words if word in CHECKS)
+        self.commander.failing_checks = failing or (("usb_connected",) if "unexplained" in words else ())
 
     def _say(self, name: str) -> None:
         if self.is_muted(name) or (name == "LOCAL_POSITION_NED" and not self.commander.estimator.has_local_position):
             return
-        if name == "BATTERY_STATUS":
+        if name == "SYS_STATUS":
+            self._say_status()
+        elif name == "BATTERY_STATUS":
             for number, charge in self.batteries.items():
                 self.message(name, {"id": number, "battery_remaining": -1 if charge is None else round(100 * charge)})
         elif name == "LOCAL_POSITION_NED" and self.telemetry is not None:
@@ -108,6 +136,14 @@ class Vehicle:
             self.telemetry.take(name, 1, _POSITION_TEXT(self._boot_ms(), y, x, -z, vy, vx, -vz))
         else:
             self.message(name, self._fields(name))
+
+    def _say_status(self) -> None:
+        if "untold" in self.checks:
+            return
+        masks = {"present": 0, "enabled": 0, "health": prearm_health(self.commander)}
+        self.message("SYS_STATUS", {f"onboard_control_sensors_{part}": mask for part, mask in masks.items()})
+        if self.telemetry is not None:
+            self.checks_passed_ns = self.clock.t_ns if masks["health"] else -NS_PER_S << 20
 
     def is_muted(self, name: str) -> bool:
         match self.mute:
@@ -134,7 +170,7 @@ class Vehicle:
             case "HEARTBEAT":
                 return {
                     "custom_mode": commander.mode.custom_mode, "base_mode": 1 | (128 if commander.armed else 0),
-                    "system_status": 5 if commander.failsafe else 4, "autopilot": 12,
+                    "system_status": 5 if commander.failsafe else 4, "autopilot": 12, "type": 2,
                 }  # fmt: skip
             case "CURRENT_MODE":
                 custom = commander.mode.custom_mode
@@ -148,9 +184,6 @@ class Vehicle:
                 return {"landed_state": 1 if commander.landed else 2}
             case "ESTIMATOR_STATUS":
                 return {"flags": commander.estimator.flags(commander.is_at_rest)}
-            case "SYS_STATUS":
-                masks = {"present": 0, "enabled": 0, "health": prearm_health(commander)}
-                return {f"onboard_control_sensors_{part}": mask for part, mask in masks.items()}
             case "TIMESYNC":
                 return {"tc1": 0, "ts1": self.now_ns - self._boot_ns}
         channels = [1500] * 8
@@ -172,6 +205,8 @@ class Vehicle:
             self.acknowledge(number, Result.TEMPORARILY_REJECTED)
         elif number == _REQUEST:
             self._say("AUTOPILOT_VERSION" if values[0] else "HEARTBEAT")
+        elif number == _CHECK and self._explains:
+            self._explain()
         elif number not in (_SET_MODE, _ARM, _TAKEOFF):
             self.acknowledge(number, Result.ACCEPTED)
 
@@ -265,4 +300,5 @@ def edge_on(vehicle: Vehicle, link: VehicleLink) -> MavsdkAutopilot:
     edge = MavsdkAutopilot(link.url, vehicle.clock, system_id=link.system_id)
     edge._link = link  # type: ignore[assignment]
     vehicle.telemetry = edge._telemetry
+    vehicle.checks_passed_ns = -NS_PER_S << 20
     return edge

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import random
+import shlex
 import shutil
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -287,6 +289,30 @@ def test_a_full_standard_output_is_told_in_one_line() -> None:
     assert done.returncode == 1
     (told,) = done.stderr.strip().splitlines()
     assert told.endswith("No space left on device")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(("words", "code"), [("--help", 0), ("csi /absent", 1)])
+def test_streams_that_were_closed_before_the_start_are_done_without(words: str, code: int, closed: str) -> None:
+    command = f"{shlex.quote(sys.executable)} -m companion {words} {closed}"
+    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == code, done
+    assert "Traceback" not in done.stderr + done.stdout
+
+
+def test_what_is_opened_never_has_the_number_of_a_stream(tmp_path: Path) -> None:
+    program = f"""
+import os, sys
+from companion import cli
+for number in (0, 1, 2): os.close(number)
+sys.stdout = sys.stderr = None
+cli._have_streams()
+file = open({str(tmp_path / "log")!r}, "w")
+print("lost")
+file.write(str(file.fileno()))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
+    assert int((tmp_path / "log").read_text()) > 2
 
 
 def test_a_message_of_another_century_costs_a_report_no_memory(

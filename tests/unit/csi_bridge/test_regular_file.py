@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import socket
 import stat
@@ -54,6 +55,26 @@ def test_what_becomes_a_pipe_between_two_looks_is_not_waited_for(
     assert len([*Path("/proc/self/fd").iterdir()]) == before, "it is closed again"
 
 
+def test_a_file_that_has_nothing_to_give_yet_is_named(tmp_path: Path) -> None:
+    """As the kernel's own log is: a regular file that waits, of which a read without waiting gives None."""
+
+    class Waiting(io.FileIO):
+        def readall(self) -> bytes:
+            return None  # type: ignore[return-value]
+
+        def readinto(self, _: object, /) -> int:
+            return None  # type: ignore[return-value]
+
+    path = tmp_path / "waits"
+    path.write_bytes(b"x")
+    for size in (-1, 10):
+        with (
+            regular_file._Reader(Waiting(path)) as file,
+            pytest.raises(BlockingIOError, match="nothing to read now"),
+        ):
+            file.read(size)
+
+
 def test_everything_of_ours_that_reads_a_named_file_does_it_so() -> None:
     """What is left opens what the system or this program itself makes, or writes."""
     root = Path(regular_file.__file__).resolve().parents[1]
@@ -70,5 +91,10 @@ def test_everything_of_ours_that_reads_a_named_file_does_it_so() -> None:
         "companion/radio/traffic.py", "companion/radio/checks.py", "csi_bridge/netlink.py",
         "csi_bridge/feitcsi/netlink.py",
     }  # fmt: skip
-    of_ours = {"companion/safety/document.py", "companion/study/report.py", "companion/study/kept.py"}
+    of_ours = {
+        "csi_bridge/regular_file.py",
+        "companion/safety/document.py",
+        "companion/study/report.py",
+        "companion/study/kept.py",
+    }
     assert found - of_the_system - of_ours == set()

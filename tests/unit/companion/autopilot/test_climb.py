@@ -51,12 +51,26 @@ def test_hold_on_the_ground_is_no_hover() -> None:
 
 def test_it_hovers_after_a_second_of_stillness_and_no_earlier() -> None:
     climb = Climb(0.0, 1.5, 0.8)
-    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.15, 100.0)), "0.15 m/s is still"
-    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, -0.15, 100.999_999_999))
-    assert climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 101.0))
-    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.16, 101.5))
-    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 102.0)), "it counts anew"
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 100.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.64, 0.0, 100.999_999_999)), "0.14 m within a second is still"
+    assert climb.hovers(_state(FlightMode.HOLD, 1.36, 0.0, 101.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.66, 0.0, 101.5)), "it counts anew, from there"
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 102.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 102.499_999_999))
     assert climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 103.0))
+
+
+def test_a_hover_whose_climb_rate_is_all_noise_is_one() -> None:
+    climb, found = Climb(0.0, 1.5, 0.8), []
+    for step in range(40):
+        rate_m_s = 0.3 if step % 2 else -0.3
+        found.append(climb.hovers(_state(FlightMode.HOLD, 1.5 + rate_m_s / 10, rate_m_s, step / 20)))
+    assert found.index(True) == 20 and all(found[20:])
+
+
+def test_a_slow_climb_is_no_hover() -> None:
+    climb = Climb(0.0, 2.0, 1.0)
+    assert not any(climb.hovers(_state(FlightMode.HOLD, 1.0 + 0.2 * t / 20, 0.2, t / 20)) for t in range(80))
 
 
 @pytest.mark.parametrize(("ground_m", "height_m", "radius_m"), [(0.5, 4.0, 1.25), (-2.0, 20.0, 0.8), (3.0, 6.0, 2.0)])

@@ -14,7 +14,7 @@ from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.telemetry import Telemetry, is_healthy, parameter_field
 from companion.core.messages import FlightMode, Pose
 
-_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4, "autopilot": 12}
+_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4, "autopilot": 12, "type": 2}
 _POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3, "time_boot_ms": 57_000}
 
 
@@ -137,6 +137,34 @@ def test_what_the_vehicle_is(bench: _Bench) -> None:
     assert (bench.telemetry.state().autopilot, bench.telemetry.state().firmware) == ("px4", "1.16.1")
     bench.take("HEARTBEAT", _HEARTBEAT | {"autopilot": 3})
     assert bench.telemetry.state().autopilot == "ardupilot"
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        (2, "px4"), (13, "px4"), (14, "px4"), (15, "px4"), (29, "px4"), (43, "px4"), (1, "px4 on a fixed wing"),
+        (10, "px4 on a ground rover"), (12, "px4 on a submarine"), (19, "px4 on a VTOL"), (25, "px4 on a VTOL"),
+        (0, "px4 on a vehicle of MAV_TYPE 0"), (26, "px4 on a vehicle of MAV_TYPE 26"),
+    ],
+)  # fmt: skip
+def test_what_else_px4_flies_is_named(bench: _Bench, kind: int, said: str) -> None:
+    bench.take("HEARTBEAT", _HEARTBEAT | {"type": kind})
+    assert bench.telemetry.state().autopilot == said
+
+
+def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: _Bench) -> None:
+    assert bench.telemetry.state().landed_unknown
+    for landed_state, unknown in [(1, False), (0, True), (2, False), (5, True), (4, False)]:
+        bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
+        assert bench.telemetry.state().landed_unknown is unknown
+
+
+@pytest.mark.parametrize(
+    ("percent", "remaining"), [(0, 0.0), (100, 1.0), (101, None), (127, None), (-1, None), (-2, None)]
+)
+def test_more_than_full_is_not_known(bench: _Bench, percent: int, remaining: float | None) -> None:
+    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": percent})
+    assert bench.telemetry.state().battery_remaining == remaining
 
 
 def _stamped(bench: _Bench, vehicle_ms: int, ours_s: float) -> None:
@@ -377,3 +405,24 @@ def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Benc
 def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _Bench) -> None:
     bench.take("ESTIMATOR_STATUS", {"flags": 1023})
     assert bench.telemetry.state().estimator_healthy
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("PARAM_VALUE", {"param_id": "X", "param_value": 1e308, "param_type": 6}),
+        ("PARAM_VALUE", {"param_id": "X", "param_value": 10**40, "param_type": 6}),
+        ("PARAM_VALUE", {"param_id": "X", "param_value": [], "param_type": 6}),
+        ("ESTIMATOR_STATUS", {"flags": math.inf}),
+        ("ATTITUDE", {"time_boot_ms": math.inf, "yaw": 0.0}),
+        ("COMMAND_ACK", {"command": math.inf, "result": 0}),
+        ("EVENT", {"id": 1, "log_levels": 1, "arguments": 10**40}),
+        ("CURRENT_MODE", []),
+        ("CURRENT_MODE", None),
+    ],
+)
+def test_whatever_arrives_is_counted_and_nothing_raises(bench: _Bench, name: str, fields: Any) -> None:
+    before = bench.telemetry.state()
+    bench.telemetry.take(name, 1, json.dumps(fields))
+    assert bench.telemetry.malformed == 1
+    assert bench.telemetry.state() == before

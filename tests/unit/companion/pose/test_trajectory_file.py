@@ -150,6 +150,16 @@ REFUSED = [
     ("txyzx", ",", "t,x,y,z,pose.position.x\n", "x and pose.position.x both say x"),
     ("ttxyz", ",", "t,sec,x,y,z\n", "t and sec are both a time"),
     ("txyz", ",", "t,x [furlong],y,z\n", "unit 'furlong' of x"),
+    ("txyz", ",", "t,x_mm,y_m,z_m\n", "x_mm and y_m are not of one unit"),
+    ("txyz", ",", "t,x,y,z [mm]\n", "x and z .mm. are not of one unit"),
+    ("txyz00Y", ",", "t,x,y,z,roll_rad,pitch_rad,yaw_deg\n", "yaw_deg and pitch_rad are not of one unit"),
+    ("txyzdabc", ",", "t,x,y,z,q0,q1,q2,q3\n", "q0, q1, q2, q3 may be an attitude in any order"),
+    ("txyzdabc", ",", "t,x,y,z,qr,qi,qj,qk\n", "qr, qi, qj, qk may be an attitude in any order"),
+    ("txyzabcd", ",", "t,tx,ty,tz,rx,ry,rz,rw\n", "rx, ry, rz, rw may be an attitude in any order"),
+    ("txyzdabc", " ", "", "with w first it would stand"),
+    ("txyz0", " ", "time [s] x y z speed\n", "line 2 has 5 columns, expected 6"),
+    ("txyz", ",", "t,setpoint_position_x,setpoint_position_y,setpoint_position_z\n", "x, y, z missing in its headings"),
+    ("sxyz", ",", "sec,x,y,z\n", "has the stamp of the one before"),
     ("txyz00D", ",", "t,x,y,z,roll,pitch,yaw\n", "expected radians"),
     ("txyz00", ",", "t,x,y,z\n", "line 2 has 6 columns, expected 4"),
 ]
@@ -202,6 +212,50 @@ def changed(tmp_path: Path, line: int, old: str, new: str) -> Path:
 def test_a_wrong_line_is_named(tmp_path: Path, line: int, old: str, new: str, named: str) -> None:
     with pytest.raises(TrajectoryError, match=named):
         read_trajectory_file(changed(tmp_path, line, old, new))
+
+
+STEADY = [f"{n / 50:.3f},{n / 500:.6f},0,0" for n in range(200)]
+"""t, x, y, z of a robot at 0.1 m/s, for four seconds."""
+
+
+def _of_steady(tmp_path: Path, scale_t: float, scale_m: float) -> TrajectoryFile:
+    path = tmp_path / "steady.csv"
+    values = [[float(one) for one in row.split(",")] for row in STEADY]
+    path.write_text("t,x,y,z\n" + "".join(f"{t * scale_t:.7f},{x * scale_m:.6f},0,0\n" for t, x, *_ in values))
+    return read_trajectory_file(path)
+
+
+@pytest.mark.parametrize(
+    ("scale_t", "scale_m", "named"),
+    [
+        (1.0, 110.0, "expected below 10, .*centimetres"), (1.0, 1000.0, "expected below 30, .*millimetres"),
+        (1 / 60, 0.1, "3000 poses a second"), (1000.0, 1.0, "milliseconds"),
+    ],
+)  # fmt: skip
+def test_other_units_without_a_heading_are_no_robots(
+    tmp_path: Path, scale_t: float, scale_m: float, named: str
+) -> None:
+    assert len(_of_steady(tmp_path, 1.0, 1.0).t_s) == len(STEADY)
+    with pytest.raises(TrajectoryError, match=named):
+        _of_steady(tmp_path, scale_t, scale_m)
+
+
+def test_microseconds_in_the_place_of_nanoseconds_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text("".join(f"{n // 50},{n % 50 * 20000},{n / 500:.4f},0,0\n" for n in range(200)))
+    with pytest.raises(TrajectoryError, match=r"within 0\.01 s of a whole second"):
+        read_trajectory_file(path)
+
+
+def test_what_was_asked_for_is_no_place_beside_what_was_measured(tmp_path: Path) -> None:
+    head = ",".join(["t", *(f"setpoint_position_{a}" for a in "xyz"), *(f"position_{a}" for a in "xyz")])
+    path = written(tmp_path, lambda row: numbers(row, "t000xyz"), head + "\n")
+    np.testing.assert_allclose(read_trajectory_file(path).p_m, [row[1:4] for row in ROWS], atol=1e-6)
+
+
+def test_a_tab_keeps_a_heading_with_a_blank_together(tmp_path: Path) -> None:
+    path = written(tmp_path, lambda row: numbers(row, "txyz0", "\t"), "time (s)\tx\ty\tz\tspeed\n")
+    np.testing.assert_allclose(read_trajectory_file(path).p_m, [row[1:4] for row in ROWS], atol=1e-6)
 
 
 def test_a_time_taken_for_seconds_and_nanoseconds_is_impossible(tmp_path: Path) -> None:

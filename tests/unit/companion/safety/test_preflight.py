@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -96,6 +97,8 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
             "PX4's own arming checks fail: estimator high accel bias; accel missing",
         ),
         ({"not_px4": "ardupilot"}, "the vehicle is no PX4 but ardupilot"),
+        ({"not_px4": "px4 on a fixed wing"}, "the vehicle is no multicopter but a fixed wing"),
+        ({"landed_unknown": True}, "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)"),
         ({"time_known": False}, "clocks: the vehicle's own time is not known yet, in which poses are stamped"),
         ({"battery": None}, "no battery tells how full it is (BATTERY_STATUS)"),
         ({"batteries_unknown": (1, 2)}, "battery 1, 2 is silent, or does not know how full it is"),
@@ -320,3 +323,10 @@ def test_in_the_air_a_vehicle_in_hold_is_handed_over_and_one_whose_mode_is_not_k
     assert readiness_problems(in_air, _LIMITS) == []
     unknown = replace(in_air, mode=None, intended_mode=None)
     assert readiness_problems(unknown, _LIMITS) == ["the vehicle is flown in mode None; put it into hold first"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -1e30])
+@pytest.mark.parametrize("gps", [True, False])
+def test_a_parameter_that_is_no_number_or_below_all_is_right_for_nothing(gps: bool, value: float) -> None:
+    names = [requirement.name for requirement in required_parameters(gps)]
+    assert len(list(parameter_problems(dict.fromkeys(names, value), gps))) == len(names)
