@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.floating[Any]]
+Floats = npt.NDArray[np.float64]
 
 _EXPONENT: Final = (1.5, 0.5)
 """Mean and deviation: 2 in the open, 1.3 where the direct path is 10 dB weaker."""

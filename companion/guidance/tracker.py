@@ -120,7 +120,7 @@ class TargetTracker:
         self._lines = deque[tuple[_Floats, _Floats]](maxlen=_LINES)
         """Place and direction of the newest bearings."""
         self._loudness = Loudness()
-        self._told = np.zeros(0)
+        self._told: _Floats = np.zeros(0)
         """What received powers have already said of each particle."""
         self._newest: Bearing | None = None
         self._target: Target | None = None
