@@ -22,7 +22,9 @@ _T265: Final = {("8087", "0b37"): "an Intel T265", ("03e7", "2150"): "an Intel T
 _USB: Final = Path("sys/bus/usb/devices")
 _READER: Final = Path("opt/companion/current/t265/bin/python")
 _GROUP: Final = "plugdev"
-_IMPORT: Final = "import companion.pose.t265_reader, pyrealsense2; print(pyrealsense2.__version__)"
+_IMPORT: Final = (
+    "import companion.pose.t265_reader, pyrealsense2, importlib.metadata as m; print(m.version('pyrealsense2'))"
+)
 _TIMEOUT_S: Final = 30
 
 

@@ -103,6 +103,13 @@ def test_nothing_is_changed_in_flight(root: CleanRoot) -> None:
         assert "land and disarm it first" in said or action == "rollback"
 
 
+def test_an_interpreter_that_only_root_can_run_is_told(root: CleanRoot) -> None:
+    assert "cannot run" not in root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
+    root.run("mkdir /opt/companion/1.0/t265 && cp -a /opt/companion/1.0/bin /opt/companion/1.0/t265/")
+    root.run("chmod go= /opt/companion/1.0/t265")
+    assert "cannot run /opt/companion/current/t265/bin/python" in root.run("companion-setup activate 1.0")
+
+
 def test_wrong_usage_is_told(root: CleanRoot) -> None:
     setup = "sh systemd/companion-setup"
     assert "expected activate, rollback" in root.run(f"{setup} fly", code=2)
