@@ -216,6 +216,6 @@ def _texts() -> Iterator[str]:
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.JoinedStr):
-                    yield "…".join(part.value for part in node.values if isinstance(part, ast.Constant))
+                    yield "…".join(str(part.value) for part in node.values if isinstance(part, ast.Constant))
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield node.value
