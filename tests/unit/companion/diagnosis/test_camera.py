@@ -52,6 +52,15 @@ async def test_the_readers_own_environment_is_tried(
     assert reader.ok and reader.found == "python, pyrealsense2 2.53.1.4623"
 
 
+async def test_two_readers_for_one_socket_are_told(config: Config, tmp_path: Path) -> None:
+    config = dataclasses.replace(config, pose=dataclasses.replace(config.pose, reader_command=["/bin/reader"]))
+    assert _named(await camera_checks(config, 0.5, tmp_path, None))["reader"].ok is None
+    wants = tmp_path / "etc/systemd/system/multi-user.target.wants"
+    wants.mkdir(parents=True)
+    (wants / "companion-t265.service").symlink_to("/nowhere")
+    assert _named(await camera_checks(config, 0.5, tmp_path, None))["reader"].ok is False
+
+
 async def test_its_node_must_be_the_groups(config: Config, tmp_path: Path) -> None:
     _plug(tmp_path)
     node = tmp_path / "dev/bus/usb/002/003"
