@@ -21,8 +21,11 @@ from companion.radio.checks import Check
 _T265: Final = {("8087", "0b37"): "an Intel T265", ("03e7", "2150"): "an Intel T265 before its firmware"}
 _USB: Final = Path("sys/bus/usb/devices")
 _READER: Final = Path("opt/companion/current/t265/bin/python")
+_ENABLED: Final = Path("etc/systemd/system/multi-user.target.wants/companion-t265.service")
 _GROUP: Final = "plugdev"
-_IMPORT: Final = "import companion.pose.t265_reader, pyrealsense2; print(pyrealsense2.__version__)"
+_IMPORT: Final = (
+    "import companion.pose.t265_reader, pyrealsense2, importlib.metadata as m; print(m.version('pyrealsense2'))"
+)
 _TIMEOUT_S: Final = 30
 
 
@@ -43,7 +46,10 @@ async def camera_checks(config: Config, seconds: float, root: Path, status: dict
 
 def _camera(config: Config, root: Path) -> Iterator[Check]:
     found = list(_on_the_bus(root))
-    if config.pose.reader_command:
+    if config.pose.reader_command and (root / _ENABLED).is_symlink():
+        remedy = "systemctl disable --now companion-t265, or take pose.reader_command out"
+        yield Check("reader", False, "two of them: pose.reader_command and companion-t265.service", remedy)
+    elif config.pose.reader_command:
         yield Check("reader", None, f"the service's own: {config.pose.reader_command[0]}")
     else:
         yield _reader(root)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -36,6 +37,7 @@ def _forget_a_key(root: CleanRoot, version: str) -> None:
 def test_a_robot_is_installed_upgraded_rolled_back_and_left_alone(root: CleanRoot) -> None:
     said = root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
     assert "/etc/companion/companion.yaml: the example of a uav" in said and "1.0 runs" in said
+    assert "without the T265's reader" in said or Path("/usr/bin/python3.10").exists()
     assert _modes(root, "/etc/companion", "/etc/companion/companion.yaml", "/etc/companion/uav.key") == [
         "drwxr-x--- root companion /etc/companion",
         "-rw-r----- root companion /etc/companion/companion.yaml",
@@ -101,6 +103,13 @@ def test_nothing_is_changed_in_flight(root: CleanRoot) -> None:
         expected = 1
         said = root.run(f"companion-setup {action}", code=expected)
         assert "land and disarm it first" in said or action == "rollback"
+
+
+def test_an_interpreter_that_only_root_can_run_is_told(root: CleanRoot) -> None:
+    assert "cannot run" not in root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
+    root.run("mkdir /opt/companion/1.0/t265 && cp -a /opt/companion/1.0/bin /opt/companion/1.0/t265/")
+    root.run("chmod go= /opt/companion/1.0/t265")
+    assert "cannot run /opt/companion/current/t265/bin/python" in root.run("companion-setup activate 1.0")
 
 
 def test_wrong_usage_is_told(root: CleanRoot) -> None:

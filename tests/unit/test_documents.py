@@ -192,3 +192,30 @@ def _commands(path: Path) -> Iterator[list[str]]:
         match = re.match(r"    (?:\.venv/bin/)?companion (.*)", line)
         if match:
             yield re.sub(r"[\[\]]", "", re.split(r"  +|#", match[1])[0]).split()
+
+
+_SYMPTOMS = 30
+_SHELL = [ROOT / "Makefile", *sorted((ROOT / "systemd").glob("*-*"))]
+
+
+def test_every_symptom_is_in_the_programs_own_words() -> None:
+    """What stands between two … of a row's first cell is in one text of ours, as it is printed."""
+    rows = re.findall(r"^\| (`[^|]+`)[^`|]* \|", (DOCS / "troubleshooting.md").read_text(), re.MULTILINE)
+    seen = [cell for cell in rows if "you see" not in cell]
+    assert len(seen) >= _SYMPTOMS
+    ours = [*_texts(), *(" ".join(path.read_text().split()) for path in _SHELL if path.is_file())]
+    foreign = {"Device or resource busy (-16)"}  # the kernel's
+    for words in (cell.strip("`") for cell in seen):
+        parts = [part.strip(" :;,.()") for part in words.split("…") if len(part.strip(" :;,.()")) > 3]
+        assert parts and (words in foreign or any(all(part in text for part in parts) for text in ours)), words
+
+
+def _texts() -> Iterator[str]:
+    """Every text of the program, what is put into it left out."""
+    for package in ("companion", "csi_bridge", "wsr"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.JoinedStr):
+                    yield "…".join(str(part.value) for part in node.values if isinstance(part, ast.Constant))
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield node.value

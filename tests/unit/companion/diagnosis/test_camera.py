@@ -15,7 +15,7 @@ from companion.config.schema import Config
 from companion.diagnosis.camera import camera_checks
 from companion.pose import wire
 from companion.radio.checks import Check
-from tests.paths import CONFIGS
+from tests.paths import CONFIGS, ROOT
 
 
 @pytest.fixture
@@ -39,6 +39,26 @@ async def test_a_camera_that_is_not_there_is_named_by_its_ids(config: Config, tm
     assert found["camera"].ok is False and "8087:0b37" in found["camera"].found
     assert found["reader"].ok is False and "INSTALL_PYTHON310" in found["reader"].remedy
     assert found["poses"].ok is None
+
+
+@pytest.mark.skipif(not (ROOT / ".venv-t265" / "t265.stamp").exists(), reason="no environment of the camera's reader")
+async def test_the_readers_own_environment_is_tried(
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)  # where its own installation has the program
+    (tmp_path / "opt/companion/current").mkdir(parents=True)
+    (tmp_path / "opt/companion/current/t265").symlink_to(ROOT / ".venv-t265")
+    reader = _named(await camera_checks(config, 0.5, tmp_path, None))["reader"]
+    assert reader.ok and reader.found == "python, pyrealsense2 2.53.1.4623"
+
+
+async def test_two_readers_for_one_socket_are_told(config: Config, tmp_path: Path) -> None:
+    config = dataclasses.replace(config, pose=dataclasses.replace(config.pose, reader_command=["/bin/reader"]))
+    assert _named(await camera_checks(config, 0.5, tmp_path, None))["reader"].ok is None
+    wants = tmp_path / "etc/systemd/system/multi-user.target.wants"
+    wants.mkdir(parents=True)
+    (wants / "companion-t265.service").symlink_to("/nowhere")
+    assert _named(await camera_checks(config, 0.5, tmp_path, None))["reader"].ok is False
 
 
 async def test_its_node_must_be_the_groups(config: Config, tmp_path: Path) -> None:
