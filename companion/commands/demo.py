@@ -16,6 +16,7 @@ from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
+from companion.sim.sample import write_sample
 from companion.sim.scenes import SCENES
 
 _PIPE_WIDTH = 140
@@ -36,11 +37,23 @@ _PIPE_WIDTH = 140
 )
 @click.option("--gps", is_flag=True, help="The vehicle has GPS; without this it flies by the service's poses.")
 @click.option("--json", "json_path", type=click.Path(dir_okay=False, path_type=Path), help="Write the result here.")
-def demo(seed: int, max_time: float, out: Path, scene: str | None, gps: bool, json_path: Path | None) -> None:
+@click.option(
+    "--recording",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Fly nothing: write a simulated recording into this folder, to try `companion analyze` on.",
+)
+def demo(
+    seed: int, max_time: float, out: Path, scene: str | None, gps: bool, json_path: Path | None, recording: Path | None
+) -> None:
     """A drone finds a ground robot: real MAVLink, UDP, netlink and processes; simulated card, camera and vehicle.
 
     Exit code 0 only when the drone came within 2 m of the robot.
     """
+    if recording is not None:
+        azimuth_deg, elevation_deg = write_sample(recording, seed)
+        click.echo(f"{recording}: the transmitter tx2 is at azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg")
+        click.echo(f"now: companion analyze {recording}")
+        return
     check_writable(json_path, out)
     check_writable(out / "flight.png")
     if json_path is not None and json_path.is_file():
@@ -82,8 +95,8 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
         )
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:
-        row = next(row for row in result.rows if row.iteration == last.number)
-        truth = (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
+        row = next((row for row in result.rows if row.iteration == last.number), None)
+        truth = row and (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
         draw_profile(out / "profile.png", profile, last.estimate, truth, f"AOA profile of SAR iteration {last.number}")
         written.append(out / "profile.png")
     console.print("transport of CSI: " + _transport(run), highlight=False)

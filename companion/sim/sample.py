@@ -1,0 +1,104 @@
+"""A recording to try things with: a simulated run in the layout of the public WSR data sets, for a clone that has none.
+
+The drone flies a climbing circle, as with motion capture; the radio is the simulator's, in the scene of the hall.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from companion.errors import CompanionError
+from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
+from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario
+from companion.sim.scenes import set_in
+from companion.sim.trajectory import Array, Trajectory
+from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.records import CSI_CODE, CsiRecord
+
+RX_MAC: Final = "00:21:6A:53:89:D2"
+TX_MAC: Final = "00:21:6A:3F:17:5A"
+_STAMP: Final = "2023-11-14_221320"
+_SECONDS: Final = 6.0
+_START_S: Final = 1.0
+_RADIUS_M: Final = 0.3
+_TURNS: Final = 2.0
+_HEIGHT_M: Final = 1.2
+_CLIMB_M: Final = 0.5
+_DISTANCE_M: Final = 8.0
+_RATE_HZ: Final = 100.0
+
+
+def write_sample(folder: Path, seed: int) -> tuple[float, float]:
+    """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. Raises CompanionError where
+    the folder cannot be written."""
+    world = _world(seed)
+    assert world.beacon_azimuth_rad is not None
+    place_m = _DISTANCE_M * np.array([math.cos(world.beacon_azimuth_rad), math.sin(world.beacon_azimuth_rad), 0.0])
+    place_m[2] = 0.5
+    uav = _flown()
+    beacon = Trajectory(uav.t_s[[0, -1]], np.tile(place_m, (2, 1)), np.zeros(2))
+    at_uav, at_beacon = simulate_exchanges(world, uav, beacon)
+    start_s = DEFAULT_EPOCH_NS / 1e9
+    rows = [(start_s + t, 0.0, *p) for t, p in zip(uav.t_s, uav.p_enu_m, strict=True)]
+    place = dict(zip("xyz", place_m.tolist(), strict=True))
+    truth = {
+        "channel": {"value": world.radio.channel},
+        "true_tx_positions": {"value": {"tx2": {"position": place}}},
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"csi_rx_{_STAMP}.dat").write_bytes(_log(at_uav))
+        (folder / f"csi_tx2_{_STAMP}.dat").write_bytes(_log(at_beacon))
+        lines = (",".join(f"{value:.6f}" for value in row) + ",\n" for row in rows)
+        (folder / f"rx_trajectory_{_STAMP}_.csv").write_text("".join(lines))
+        (folder / "groundtruth_positions.json").write_text(json.dumps(truth, indent=2) + "\n")
+    except OSError as error:
+        raise CompanionError(f"{folder}: cannot write the recording: {error.strerror or error}") from None
+    away_m = place_m - uav.p_enu_m.mean(axis=0)
+    return math.degrees(math.atan2(away_m[1], away_m[0])), math.degrees(
+        math.atan2(away_m[2], math.hypot(away_m[0], away_m[1]))
+    )
+
+
+def _world(seed: int) -> Scenario:
+    rng = np.random.default_rng([seed, 11])
+    base = Scenario(
+        seed=seed,
+        uav=_robot("uav", RX_MAC, float(rng.uniform(-2, 2)), 0.0),
+        beacon=_robot("beacon", TX_MAC, float(rng.uniform(-2, 2)), 0.4),
+        truth_in="none",
+        truth_out="none",
+        beacon_azimuth_rad=float(rng.uniform(-math.pi, math.pi)),
+    )
+    return replace(set_in(base, "hall"), start_distance_m=_DISTANCE_M)
+
+
+def _robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
+    points = ((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0))
+    return RobotScenario(
+        mac=mac,
+        csi=CsiEndpoint("unix", path=name),
+        pose_socket=name,
+        antennas_m=points,
+        antenna_gain_db=(0.0, -22.0, -24.0),
+        oscillator_ppm=oscillator_ppm,
+        clock_offset_s=clock_offset_s,
+    )
+
+
+def _flown() -> Trajectory:
+    t_s: Array = _START_S + np.arange(0.0, _SECONDS, 1 / _RATE_HZ)
+    angle = math.tau * _TURNS * (t_s - _START_S) / _SECONDS
+    up_m = _HEIGHT_M + _CLIMB_M * (t_s - _START_S) / _SECONDS
+    p_enu_m = np.stack([_RADIUS_M * np.cos(angle), _RADIUS_M * np.sin(angle), up_m], axis=1)
+    return Trajectory(t_s, p_enu_m, np.zeros(len(t_s)))
+
+
+def _log(records: list[CsiRecord]) -> bytes:
+    return b"".join(encode_file_record(CSI_CODE, encode_body(record)) for record in records)
