@@ -91,10 +91,10 @@ class Session:
             time.sleep(_POLL_S)
         return value
 
-    def screenshot(self, picture: Path) -> None:
-        """All of the page, kept as a PNG."""
+    def screenshot(self, picture: Path, is_whole: bool = False) -> None:
+        """What the window shows, or the whole page, kept as a PNG."""
         picture.parent.mkdir(parents=True, exist_ok=True)
-        shot = self._call("Page.captureScreenshot", captureBeyondViewport=True)
+        shot = self._call("Page.captureScreenshot", captureBeyondViewport=is_whole)
         picture.write_bytes(base64.b64decode(shot["data"]))
 
     def outside(self) -> list[str]:

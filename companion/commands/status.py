@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
-from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from companion.commands.control import asked, radio_lines, socket_option
 from companion.commands.status_lines import health_items, person_lines
-from companion.commands.terminal import Console, wide_console
+from companion.commands.terminal import Console, Group, Renderable, wide_console
 from companion.errors import CompanionError
 
 _WIDTH: Final = 120
@@ -68,14 +67,14 @@ def _print_once(path: Path, as_json: bool, console: Console) -> None:
     click.echo(json.dumps(answer))
 
 
-def _look(path: Path) -> RenderableType:
+def _look(path: Path) -> Renderable:
     try:
         return _shown(path, asked(path, "status"))
     except CompanionError as error:
         return Text(str(error), style=_STYLES["bad"])
 
 
-def _shown(path: Path, answer: dict[str, Any]) -> RenderableType:
+def _shown(path: Path, answer: dict[str, Any]) -> Renderable:
     """Lines for a person, the health as a table, and the counters of the radio."""
     try:
         free_mib = _free_mib(Path(answer["about"]["log"]).parent)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import rich.console
 from rich.progress import BarColumn, ProgressColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+Group = rich.console.Group
+Renderable = rich.console.RenderableType
+
 
 class Console(rich.console.Console):
     """Rich's, without markup, emoji codes and guessed colours in what is printed."""

@@ -6,8 +6,7 @@ import json
 import socket
 import threading
 import urllib.request
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 import pytest
@@ -17,6 +16,7 @@ from companion.log.reader import open_session
 from companion.replay.live_page import LivePage, replay_with_page
 from companion.replay.player import Player
 from companion.replay.result import ReplayResult
+from tests.browser import CHROMIUM
 from tests.browser_session import Session
 from tests.golden.golden_logs import GOLDEN
 from tests.page_messages import known
@@ -79,7 +79,24 @@ def until(url: str, is_so: Callable[[dict[str, Any]], bool]) -> list[dict[str, A
     return states
 
 
-def test_a_browser_follows_a_replay_on_desktop_and_phone_to_its_end(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session | None]:
+    """One for all, since it takes seconds to start; None where there is none."""
+    if CHROMIUM is None:
+        yield None
+        return
+    with Session(tmp_path_factory.mktemp("browser")) as session:
+        yield session
+
+
+def there(browser: Session | None) -> Session:
+    """What went before needs no browser; the rest is skipped without one."""
+    if browser is None:
+        pytest.skip("no /usr/bin/chromium here (apt-get install chromium)")
+    return browser
+
+
+def test_a_browser_follows_a_replay_on_desktop_and_phone_to_its_end(browser: Session | None) -> None:
     showing = Showing(speed=4.0)
     showing.start()
     try:
@@ -92,39 +109,39 @@ def test_a_browser_follows_a_replay_on_desktop_and_phone_to_its_end(tmp_path: Pa
         assert {(one["view"]["mission"] or {}).get("state") for one in states} & {"acquiring", "approaching"}
         last = until(url, lambda seen: bool(seen["view"]["ended"]))[-1]
         assert last["path"]["trail"] and last["view"]["rates"]["packets_hz"] > 50
-        with Session(tmp_path) as browser:
-            for name, width, height in (("desktop", 1280, 900), ("phone", 390, 844)):
-                browser.size(width, height, is_phone=name == "phone")
-                browser.open(url)
-                assert "ended at" in browser.until(_BANNER, lambda text: "ended" in (text or ""))
-                assert "° from East" in browser.until(_BEARING, lambda text: "Compass" in (text or ""))
-                assert all(colours > 3 for colours in browser.until(_INK))
-                assert browser.value("document.documentElement.scrollWidth") <= width
-                browser.screenshot(_SCREENS / f"replay-{name}.png")
-            assert browser.console == [] and browser.outside() == []
+        browser = there(browser)
+        for name, width, height in (("desktop", 1280, 1200), ("phone", 390, 2200)):
+            browser.size(width, height, is_phone=name == "phone")
+            browser.open(url)
+            assert "ended at" in browser.until(_BANNER, lambda text: "ended" in (text or ""))
+            assert "° from East" in browser.until(_BEARING, lambda text: "Compass" in (text or ""))
+            assert all(colours > 3 for colours in browser.until(_INK))
+            assert browser.value("document.documentElement.scrollWidth") <= width
+            browser.screenshot(_SCREENS / f"replay-{name}.png")
+        assert browser.console == [] and browser.outside() == []
     finally:
         showing.let_go()
     assert showing.result is not None and showing.result.unexpected == 0
 
 
-def test_a_page_lives_through_a_restart_of_its_service(tmp_path: Path) -> None:
+def test_a_page_lives_through_a_restart_of_its_service(browser: Session | None) -> None:
+    browser = there(browser)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    with Session(tmp_path) as browser:
-        with LivePage(known(), port) as page:
-            page.feed.tell("status", 1, {"state": "latched", "reason": "", "not_ready": []})
-            browser.size(390, 844, is_phone=True)
-            browser.open(page.url)
-            assert browser.until(_STATE, lambda text: text == "latched")
-        assert browser.until(_BANNER, lambda text: "lost its service" in (text or ""))
-        assert browser.value(_STATE) == "latched"  # what was shown last stays
-        browser.console.clear()  # the browser itself says that nobody answered
-        with LivePage(known(), port) as page:
-            page.feed.tell("status", 1, {"state": "idle", "reason": "", "not_ready": []})
-            assert browser.until(_STATE, lambda text: text == "idle")
-            assert "uav" in browser.until(_BANNER, lambda text: "lost" not in (text or "lost"))
-            assert [line for line in browser.console if "ERR_CONNECTION" not in line] == []
+    with LivePage(known(), port) as page:
+        page.feed.tell("status", 1, {"state": "latched", "reason": "", "not_ready": []})
+        browser.size(390, 844, is_phone=True)
+        browser.open(page.url)
+        assert browser.until(_STATE, lambda text: text == "latched")
+    assert browser.until(_BANNER, lambda text: "lost its service" in (text or ""))
+    assert browser.value(_STATE) == "latched"  # what was shown last stays
+    browser.console.clear()  # the browser itself says that nobody answered
+    with LivePage(known(), port) as page:
+        page.feed.tell("status", 1, {"state": "idle", "reason": "", "not_ready": []})
+        assert browser.until(_STATE, lambda text: text == "idle")
+        assert "uav" in browser.until(_BANNER, lambda text: "lost" not in (text or "lost"))
+        assert [line for line in browser.console if "ERR_CONNECTION" not in line] == []
 
 
 def test_a_port_that_is_taken_is_named() -> None:

@@ -85,7 +85,7 @@ def test_a_browser_scrubs_through_the_flight_without_errors_and_without_asking_a
 ) -> None:
     """At its start nothing is known, at its end everything; without the panels no colour is left."""
     with Session(tmp_path) as browser:
-        browser.size(1200, 900)
+        browser.size(1200, 1800)
         browser.open(page.as_uri())
         browser.until(_STATE)
         assert browser.value(_STATE) == "approaching"
@@ -99,7 +99,7 @@ def test_a_browser_scrubs_through_the_flight_without_errors_and_without_asking_a
         assert browser.value("document.querySelectorAll('body > section').length") == len(SECTIONS)
         assert browser.console == [] and browser.outside() == []
         browser.value("document.querySelector('.scrub').remove(); document.getElementById('panels').remove()")
-        browser.screenshot(tmp_path / "page.png")
+        browser.screenshot(tmp_path / "page.png", is_whole=True)
         browser.size(390, 844, is_phone=True)
         browser.open(page.as_uri())
         browser.until(_STATE)
