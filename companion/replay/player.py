@@ -67,7 +67,7 @@ class InputEvent:
     inputs: dict[str, list[bytes]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Decided:
     """One message of the service, as it would stand in a log."""
 
@@ -91,7 +91,14 @@ class ReplayLog:
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         if stream.part is Part.DECISION or stream is PROFILE:
             data, source = encoded(stream, t_mono_ns + self.wall_minus_mono_ns, message)
-            entry = Decided(stream, self.clock.now_ns(), t_mono_ns, self.clock.number, source, data)
+            entry = Decided(
+                stream=stream,
+                t_ns=self.clock.now_ns(),
+                own_t_ns=t_mono_ns,
+                event=self.clock.number,
+                source=source,
+                data=data,
+            )
             self.decided.append(entry)
 
     @property

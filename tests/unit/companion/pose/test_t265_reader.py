@@ -179,5 +179,14 @@ def test_a_time_that_is_none_ends_nothing(device_ms: float) -> None:
     clock = DeviceClock()
     for number, ms in enumerate((1000.0, device_ms, 1010.0, 1015.0)):
         stamp_ns = clock.monotonic_ns(ms, (5_000 + 5 * number) * _MS)
-        wire.encode(wire.RawPose(stamp_ns, (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), 3, wire.PoseFrame.T265))
+        wire.encode(
+            wire.RawPose(
+                t_mono_ns=stamp_ns,
+                position_m=(0, 0, 0),
+                quaternion_wxyz=(1, 0, 0, 0),
+                velocity_m_s=(0, 0, 0),
+                confidence=3,
+                frame=wire.PoseFrame.T265,
+            )
+        )
     assert abs(stamp_ns - 5_015 * _MS) <= 15 * _MS
