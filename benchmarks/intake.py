@@ -153,7 +153,10 @@ async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, r
 def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event, done: Event) -> None:
     """Everything is made beforehand, so that sending takes as little of the machine as it can."""
     feeder = NetlinkFeeder(CONNECTOR) if connector_available(CONNECTOR) is None else UnixFeeder(Path(folder) / "csi")
-    senders = [NeighbourSender(wire.Role.BEACON, i, _KEY, 50, 1 << 32 | i) for i in range(2, 2 + neighbours)]
+    senders = [
+        NeighbourSender(role=wire.Role.BEACON, own_id=i, key=_KEY, pose_rate_hz=50, boot_id=1 << 32 | i)
+        for i in range(2, 2 + neighbours)
+    ]
     slots = round(seconds * RATE_HZ)
     bodies = [encode_body(_record(0, i)) for i in range(neighbours)]
     csi = np.full(30, 20 + 5j, np.complex64)
@@ -197,7 +200,10 @@ def _take_all(bodies: list[tuple[int, bytes]]) -> None:
 
 def _datagram() -> bytes:
     """A tenth of a second of a beacon at 150 packets."""
-    sender, rng = NeighbourSender(wire.Role.BEACON, 2, _KEY, 50, 1 << 32), np.random.default_rng(1)
+    sender, rng = (
+        NeighbourSender(role=wire.Role.BEACON, own_id=2, key=_KEY, pose_rate_hz=50, boot_id=1 << 32),
+        np.random.default_rng(1),
+    )
     for slot in range(15):
         t_ns = NS_PER_S + slot * 6_666_667
         csi = (30 * (rng.normal(size=30) + 1j * rng.normal(size=30))).astype(np.complex64)

@@ -37,13 +37,13 @@ def datagram(
             np.full(poses, 3, np.uint8),
         ),
         csi=wire.CsiBatch(
-            np.arange(csi, dtype=np.uint32) + 4_294_967_290,
-            BASE_NS + np.arange(csi) * 6_000_000,
-            np.arange(csi, dtype=np.uint32) * 6000 + 4_294_900_000,
-            coefficients,
-            scale,
-            np.arange(csi, dtype=np.int8) - 60,
-            (np.arange(csi) % 3).astype(np.uint8),
+            frame=np.arange(csi, dtype=np.uint32) + 4_294_967_290,
+            t_ns=BASE_NS + np.arange(csi) * 6_000_000,
+            nic_us=np.arange(csi, dtype=np.uint32) * 6000 + 4_294_900_000,
+            coefficients=coefficients,
+            scale=scale,
+            power_dbm=np.arange(csi, dtype=np.int8) - 60,
+            antenna=(np.arange(csi) % 3).astype(np.uint8),
         ),
     )
 

@@ -83,13 +83,13 @@ def _stamp_us(frame: int) -> int:
 def _datagram(frames: list[int], counter: int, t_ns: int) -> bytes:
     count = len(frames)
     csi = wire.CsiBatch(
-        np.array(frames, np.uint32),
-        np.full(count, t_ns, np.int64),
-        np.array([_stamp_us(frame) for frame in frames], np.uint32),
-        np.zeros((count, COEFFICIENTS, 2), np.int8),
-        np.zeros(count, np.uint8),
-        np.zeros(count, np.int8),
-        np.zeros(count, np.uint8),
+        frame=np.array(frames, np.uint32),
+        t_ns=np.full(count, t_ns, np.int64),
+        nic_us=np.array([_stamp_us(frame) for frame in frames], np.uint32),
+        coefficients=np.zeros((count, COEFFICIENTS, 2), np.int8),
+        scale=np.zeros(count, np.uint8),
+        power_dbm=np.zeros(count, np.int8),
+        antenna=np.zeros(count, np.uint8),
     )
     none = wire.PoseBatch(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.uint8))
     sent = wire.Datagram(

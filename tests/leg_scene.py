@@ -86,7 +86,7 @@ class Scene:
         self.datagrams = self._broadcast()
 
     def _broadcast(self) -> list[bytes]:
-        sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, 1 << 32)
+        sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=1 << 32)
         beacon = Beacon(sender)
         poses = iter(poses_of(self.beacon, OTHER_CLOCK_NS - self.first_ns))
         datagrams = []

@@ -172,7 +172,14 @@ class _Robot:
         return (float(self.tape.t_s[self.next_record]) - self.play_from_s) / (1 + self.clock.drift) * NS_PER_S
 
     def send_pose(self, t_ns: int, p_m: tuple[float, float, float]) -> None:
-        raw = pose_wire.RawPose(t_ns, p_m, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, pose_wire.PoseFrame.ENU)
+        raw = pose_wire.RawPose(
+            t_mono_ns=t_ns,
+            position_m=p_m,
+            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+            velocity_m_s=(0.0, 0.0, 0.0),
+            confidence=3,
+            frame=pose_wire.PoseFrame.ENU,
+        )
         self.pose_socket.sendto(pose_wire.encode(raw), str(self.config.path(self.config.pose.socket)))
 
 

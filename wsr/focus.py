@@ -29,7 +29,7 @@ Array32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Look:
     """A coarse look: azimuth_rad (N,), polar_rad (N,), combined (N, R) the mean over scales of the scores divided by
     their maxima `peak` (K,), ranges_m (R,), and where each row of constant polar angle starts, rows (T + 1,)."""
@@ -128,7 +128,14 @@ def _fused(grid: tuple[Array, Array, NDArray[np.int64]], scores: Array32, ranges
     azimuth, polar, rows = grid
     peak = scores.max(axis=(1, 2)).astype(np.float64)
     combined = (scores / peak.astype(np.float32)[:, None, None]).mean(axis=0)
-    return Look(azimuth, polar, np.asarray(combined, np.float64), peak, tuple(ranges_m), rows)
+    return Look(
+        azimuth_rad=azimuth,
+        polar_rad=polar,
+        combined=np.asarray(combined, np.float64),
+        peak=peak,
+        ranges_m=tuple(ranges_m),
+        rows=rows,
+    )
 
 
 def refine(

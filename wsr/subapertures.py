@@ -47,7 +47,7 @@ class Scores:
     coherence: Array32
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SubApertures:
     """Bins in the form the kernel takes. Make with `sub_apertures`."""
 
@@ -99,13 +99,13 @@ def sub_apertures(
     cuts = np.unique(np.concatenate([*borders, np.flatnonzero(np.diff(segment, prepend=segment[0]))]))
     owners = np.array([np.searchsorted(border, cuts, "right") - 1 for border in borders])
     return SubApertures(
-        np.ascontiguousarray(x.T, np.float32),
-        np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
-        wavelength_m,
-        _lag_form(grid, basis),
-        np.append(cuts, bins),
-        _pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign),
-        float((np.abs(channel) ** 2).sum(axis=1).mean()),
+        x=np.ascontiguousarray(x.T, np.float32),
+        h=np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
+        wavelength_m=wavelength_m,
+        lag=_lag_form(grid, basis),
+        cuts=np.append(cuts, bins),
+        pieces=_pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign),
+        power=float((np.abs(channel) ** 2).sum(axis=1).mean()),
     )
 
 

@@ -27,7 +27,7 @@ class PoseKind(StrEnum):
     ODOM = "odom"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordedTrajectory:
     """Positions over time in axes that agree with the truth's: x, y, z taken as East, North, Up.
 
@@ -74,7 +74,9 @@ def read_trajectory(path: Path, kind: PoseKind, offset_s: float = 0.0, may_stand
     jumps = _jumps(t_s, p_m)
     if jumps:
         problems.append(f"{path}: {jumps} jumps of more than 0.1 m; the tracker lost itself")
-    return RecordedTrajectory(path, kind, t_s, p_m, q_wxyz, tuple(problems), file.layout)
+    return RecordedTrajectory(
+        path=path, kind=kind, t_s=t_s, p_enu_m=p_m, q_wxyz=q_wxyz, problems=tuple(problems), layout=file.layout
+    )
 
 
 def guess_kind(path: Path) -> PoseKind:

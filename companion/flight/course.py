@@ -88,4 +88,10 @@ class Course:
         self._record(now_ns, before, Event.TASK_FAILED, actions, SERVICE_ENDS)
 
     def _record(self, now_ns: int, before: State, event: Event, actions: tuple[Action, ...], reason: str) -> None:
-        self._recorder.record(MISSION, now_ns, MissionStep(now_ns, before, event, self._state, actions, reason))
+        self._recorder.record(
+            MISSION,
+            now_ns,
+            MissionStep(
+                t_mono_ns=now_ns, state=before, event=event, next_state=self._state, actions=actions, reason=reason
+            ),
+        )

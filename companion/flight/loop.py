@@ -97,7 +97,14 @@ class Flight:
             network_problem=network_problem,
         )
         switch = configured_switch(config.autopilot)
-        self.wishes = Wishes(clock, recorder, self._course, self._engagement, switch, self._commands.beside)
+        self.wishes = Wishes(
+            clock=clock,
+            recorder=recorder,
+            course=self._course,
+            engagement=self._engagement,
+            switch=switch,
+            beside=self._commands.beside,
+        )
         self._feed = VehicleFeed(self._autopilot, sar, intake, recorder)
         self._origin = Origin(self._autopilot, config.autopilot)
         self._situations = Situations(self._course, intake, self.knowledge)

@@ -15,7 +15,7 @@ SERVICE_ENDS: Final = "the service ends"
 """Reason of the last step of every mission, whose state says nothing of the flight."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionStep:
     """One transition of the mission, for the log."""
 

@@ -32,6 +32,7 @@ class Wishes:
 
     def __init__(
         self,
+        *,
         clock: EventClock,
         recorder: Recorder,
         course: Course,

@@ -150,4 +150,9 @@ def _px4(ulog: Ulog, offset_ns: int) -> Iterator[_Timed]:
     """In the order of time; a .ulg is read whole anyway."""
     rows = sorted(ulog.messages(), key=lambda row: row[1])
     for topic, t_ns, data in rows:
-        yield t_ns + offset_ns, "", offset_ns, LoggedMessage(topic, t_ns, data, t_ns, 0, "json")
+        yield (
+            t_ns + offset_ns,
+            "",
+            offset_ns,
+            LoggedMessage(topic=topic, log_time_ns=t_ns, data=data, publish_time_ns=t_ns, sequence=0, encoding="json"),
+        )

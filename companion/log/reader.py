@@ -30,7 +30,7 @@ Progress = Callable[[int, int], None]
 """Called with the bytes read and the bytes there are."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedMessage:
     """One message as recorded; `data` is encoded as its stream says."""
 
@@ -119,13 +119,13 @@ class LogScan:
                     if self._progress is not None:
                         self._progress(file.tell(), self.size_bytes)
                     yield LoggedMessage(
-                        channel.topic,
-                        record.log_time,
-                        record.data,
-                        record.publish_time,
-                        record.sequence,
-                        channel.message_encoding,
-                        schemas.get(channel.schema_id, _NO_SCHEMA),
+                        topic=channel.topic,
+                        log_time_ns=record.log_time,
+                        data=record.data,
+                        publish_time_ns=record.publish_time,
+                        sequence=record.sequence,
+                        encoding=channel.message_encoding,
+                        schema=schemas.get(channel.schema_id, _NO_SCHEMA),
                     )
 
     def _learn_from_all(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:

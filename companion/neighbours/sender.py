@@ -30,6 +30,7 @@ class NeighbourSender:
 
     def __init__(
         self,
+        *,
         role: wire.Role,
         own_id: int,
         key: bytes,
@@ -167,11 +168,11 @@ def _batch(part: list[_Csi]) -> wire.CsiBatch:
     frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
     coefficients, scale = reduce_channel(np.array(csi, np.complex64))
     return wire.CsiBatch(
-        np.array(frame, np.uint32),
-        np.array(t_ns, np.int64),
-        np.array(nic_us, np.uint32),
-        coefficients,
-        scale,
-        np.array(power, np.int8),
-        np.array(antenna, np.uint8),
+        frame=np.array(frame, np.uint32),
+        t_ns=np.array(t_ns, np.int64),
+        nic_us=np.array(nic_us, np.uint32),
+        coefficients=coefficients,
+        scale=scale,
+        power_dbm=np.array(power, np.int8),
+        antenna=np.array(antenna, np.uint8),
     )

@@ -80,7 +80,7 @@ class PoseBatch:
     confidence: npt.NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CsiBatch:
     """Reverse channels the sender measured, all arrays (N, ...).
 
@@ -102,7 +102,7 @@ class CsiBatch:
 
     def rows(self, chosen: npt.NDArray[np.intp]) -> CsiBatch:
         """Some of the channels."""
-        return CsiBatch(*(getattr(self, name)[chosen] for name in CsiBatch.__slots__))
+        return CsiBatch(**{name: getattr(self, name)[chosen] for name in CsiBatch.__slots__})
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,13 @@ class Datagram:
 def empty_csi() -> CsiBatch:
     u32, u8 = np.zeros(0, np.uint32), np.zeros(0, np.uint8)
     return CsiBatch(
-        u32, np.zeros(0, np.int64), u32, np.zeros((0, COEFFICIENTS, 2), np.int8), u8, np.zeros(0, np.int8), u8
+        frame=u32,
+        t_ns=np.zeros(0, np.int64),
+        nic_us=u32,
+        coefficients=np.zeros((0, COEFFICIENTS, 2), np.int8),
+        scale=u8,
+        power_dbm=np.zeros(0, np.int8),
+        antenna=u8,
     )
 
 
@@ -146,13 +152,13 @@ def joined(batches: Sequence[CsiBatch]) -> CsiBatch:
     """One batch of several, in their order."""
     parts = [empty_csi(), *batches]
     return CsiBatch(
-        np.concatenate([b.frame for b in parts]),
-        np.concatenate([b.t_ns for b in parts]),
-        np.concatenate([b.nic_us for b in parts]),
-        np.concatenate([b.coefficients for b in parts]),
-        np.concatenate([b.scale for b in parts]),
-        np.concatenate([b.power_dbm for b in parts]),
-        np.concatenate([b.antenna for b in parts]),
+        frame=np.concatenate([b.frame for b in parts]),
+        t_ns=np.concatenate([b.t_ns for b in parts]),
+        nic_us=np.concatenate([b.nic_us for b in parts]),
+        coefficients=np.concatenate([b.coefficients for b in parts]),
+        scale=np.concatenate([b.scale for b in parts]),
+        power_dbm=np.concatenate([b.power_dbm for b in parts]),
+        antenna=np.concatenate([b.antenna for b in parts]),
     )
 
 
@@ -274,14 +280,14 @@ def _csi(columns: list[Values], first: Sequence[int], sent_ns: int) -> CsiBatch:
     antenna, scale, power, *parts = columns[len(_STEP_BITS) :]
     coefficients = np.stack(parts).reshape(COEFFICIENTS, -1, 2).transpose(1, 0, 2) - _HALF_COEFFICIENT
     return CsiBatch(
-        (frame + later).astype(np.uint32),
+        frame=(frame + later).astype(np.uint32),
         # Within one datagram both clocks run alike to ten microseconds.
-        sent_ns + (later_us - age_us) * _NS_PER_US,
-        (nic_us + later_us).astype(np.uint32),
-        coefficients.astype(np.int8),
-        scale.astype(np.uint8),
-        (power - 128).astype(np.int8),
-        antenna.astype(np.uint8),
+        t_ns=sent_ns + (later_us - age_us) * _NS_PER_US,
+        nic_us=(nic_us + later_us).astype(np.uint32),
+        coefficients=coefficients.astype(np.int8),
+        scale=scale.astype(np.uint8),
+        power_dbm=(power - 128).astype(np.int8),
+        antenna=antenna.astype(np.uint8),
     )
 
 

@@ -27,7 +27,7 @@ _REASONS: Final = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HealthLimits:
     """Limits of a trustworthy stream of poses."""
 

@@ -85,13 +85,13 @@ def raw_pose(frame: Any, t_mono_ns: int, session: int) -> wire.RawPose:
     pose = frame.as_pose_frame().get_pose_data()
     p, q, v = pose.translation, pose.rotation, pose.velocity
     return wire.RawPose(
-        t_mono_ns,
-        (p.x, p.y, p.z),
-        (q.w, q.x, q.y, q.z),
-        (v.x, v.y, v.z),
-        min(3, int(pose.tracker_confidence)),
-        wire.PoseFrame.T265,
-        session,
+        t_mono_ns=t_mono_ns,
+        position_m=(p.x, p.y, p.z),
+        quaternion_wxyz=(q.w, q.x, q.y, q.z),
+        velocity_m_s=(v.x, v.y, v.z),
+        confidence=min(3, int(pose.tracker_confidence)),
+        frame=wire.PoseFrame.T265,
+        session=session,
     )
 
 

@@ -35,7 +35,7 @@ _MAX_ANGLE_RAD: Final = 2 * math.pi + 0.01
 _MAGIC: Final = ((b"\x1f\x8b", "gzip, unpack it first"), (b"PK\x03\x04", "a zip archive, unpack it first"))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrajectoryFile:
     """Finite poses in order of time, N of them and two at least."""
 
@@ -88,7 +88,9 @@ def _trajectory(path: Path, layout: str, found: Sequence[Numbered], notes: list[
     check_stamps(name, lines, table[:, 0])
     check_speed(name, lines, table[:, 0], table[:, 1:4])
     q_wxyz = None if table.shape[1] == 4 else check_quaternions(name, lines, table[:, [7, 4, 5, 6]])
-    return TrajectoryFile(path, layout, table[:, 0], table[:, 1:4], q_wxyz, tuple(notes))
+    return TrajectoryFile(
+        path=path, layout=layout, t_s=table[:, 0], p_m=table[:, 1:4], q_wxyz=q_wxyz, notes=tuple(notes)
+    )
 
 
 def _lines(path: Path, notes: list[str]) -> list[str]:

@@ -31,7 +31,7 @@ class PoseWireError(ValueError):
     """A datagram is not a pose datagram; the message says in which way."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RawPose:
     """One pose as the tracker gave it, still in the tracker's axes. May hold NaN: a lost T265 sends such poses."""
 
@@ -71,4 +71,12 @@ def decode(datagram: bytes) -> RawPose:
     except ValueError:
         raise PoseWireError(f"frame {frame}, expected one of {[int(f) for f in PoseFrame]}") from None
     x, y, z, qw, qx, qy, qz, vx, vy, vz = values
-    return RawPose(t_mono_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence, axes, session)
+    return RawPose(
+        t_mono_ns=t_mono_ns,
+        position_m=(x, y, z),
+        quaternion_wxyz=(qw, qx, qy, qz),
+        velocity_m_s=(vx, vy, vz),
+        confidence=confidence,
+        frame=axes,
+        session=session,
+    )

@@ -67,7 +67,7 @@ class InputEvent:
     inputs: dict[str, list[bytes]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Decided:
     """One message of the service, as it would stand in a log."""
 
@@ -95,7 +95,14 @@ class ReplayLog:
             self.also(stream, t_mono_ns, message)
         if stream.part is Part.DECISION or stream is PROFILE:
             data, source = encoded(stream, t_mono_ns + self.wall_minus_mono_ns, message)
-            entry = Decided(stream, self.clock.now_ns(), t_mono_ns, self.clock.number, source, data)
+            entry = Decided(
+                stream=stream,
+                t_ns=self.clock.now_ns(),
+                own_t_ns=t_mono_ns,
+                event=self.clock.number,
+                source=source,
+                data=data,
+            )
             self.decided.append(entry)
 
     @property

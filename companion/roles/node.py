@@ -62,12 +62,12 @@ class Node:
         self._record_book()
         role = wire.Role.UAV if is_uav else wire.Role.BEACON
         self.sender = NeighbourSender(
-            role,
-            config.id,
-            own_key,
-            config.neighbours.pose_rate_hz,
-            self.book.own_boot_id,
-            config.neighbours.budget_bytes_s,
+            role=role,
+            own_id=config.id,
+            key=own_key,
+            pose_rate_hz=config.neighbours.pose_rate_hz,
+            boot_id=self.book.own_boot_id,
+            budget_bytes_s=config.neighbours.budget_bytes_s,
         )
         self.receiver = NeighbourReceiver(
             config.id,

@@ -27,7 +27,7 @@ class VehicleTruth:
     """Time spent in OFFBOARD so far."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorldTruth:
     """The true state of everything, sent by the world to the demo at 20 Hz."""
 

@@ -58,7 +58,14 @@ class Camera:
         self._previous = (t_mono_ns, p_enu_m)
         seen = [p + self._vio.jitter_m * noise for p, noise in zip(self._p_m, draws[7:], strict=True)]
         yaw = yaw_rad - self._frame_yaw_rad + self._yaw_error_rad
-        return RawPose(t_mono_ns, _t265_axes(seen), _t265_attitude(yaw), velocity, 3, PoseFrame.T265)
+        return RawPose(
+            t_mono_ns=t_mono_ns,
+            position_m=_t265_axes(seen),
+            quaternion_wxyz=_t265_attitude(yaw),
+            velocity_m_s=velocity,
+            confidence=3,
+            frame=PoseFrame.T265,
+        )
 
     def _step(self, true_step_m: list[float], dt_s: float, draws: list[float]) -> list[float]:
         """The reported step in the camera's frame (its axes East, North, Up)."""

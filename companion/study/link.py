@@ -26,7 +26,7 @@ CLOCK_OFFSET_S = 38.0
 """Of the ground robot's host clock, as in the recordings."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Heard:
     """K exchanges that both ends recorded: times (K,) on our clock and on the other's own, channels (K, 30) of both
     directions, stamps (K, 2) of both cards."""
@@ -102,12 +102,12 @@ def hear(world: Scenario, uav: Trajectory, beacon: Trajectory) -> Heard:
     ours, theirs = [at_uav[k] for k in i], [at_beacon[k] for k in j]
     stamps = np.array([[a.timestamp_low_us, b.timestamp_low_us] for a, b in zip(ours, theirs, strict=True)], float)
     return Heard(
-        _host_s(ours),
-        _host_s(theirs),
-        _csi(ours),
-        _csi(theirs),
-        np.unwrap(stamps, axis=0, period=float(1 << 32)),
-        world.radio.channel,
+        t_s=_host_s(ours),
+        other_t_s=_host_s(theirs),
+        forward=_csi(ours),
+        reverse=_csi(theirs),
+        nic_us=np.unwrap(stamps, axis=0, period=float(1 << 32)),
+        channel=world.radio.channel,
     )
 
 

@@ -61,7 +61,7 @@ class MovingCase:
     is_sample: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MovingSample:
     """One recording as the paper shows it: displacements (K, 3) in metres of both ends and of one against the other, of
     every fifth packet; the corrected profile of `bartlett`, rows of polar angle, the highest of 3 by 3 degrees; truth.
@@ -112,7 +112,9 @@ def _sample(heard: Heard, own: Trajectory, other: Trajectory) -> MovingSample:
     rows, columns = (size // _PROFILE_STEP for size in profile.power.shape)
     blocks = profile.power.astype(np.float64).reshape(rows, _PROFILE_STEP, columns, _PROFILE_STEP)
     power = np.round(blocks.max(axis=(1, 3)), 3).tolist()
-    return MovingSample(i_m, j_m, relative_m, power, azimuth, polar)
+    return MovingSample(
+        own_m=i_m, other_m=j_m, relative_m=relative_m, profile=power, azimuth_deg=azimuth, polar_deg=polar
+    )
 
 
 def _own_path(name: str, rng: np.random.Generator) -> Trajectory:

@@ -66,7 +66,7 @@ _OVER = frozenset({State.IDLE, State.LATCHED, State.FAULT, State.LANDING, State.
 logging.getLogger("companion.flight").addHandler(logging.NullHandler())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionPoint:
     """One SAR iteration with the truth at its reference point and time; positions of the antennas."""
 
@@ -80,7 +80,7 @@ class MissionPoint:
     """Of the reference point, from engaging."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionResult:
     """Times are from engaging. `end` is the state in which the mission ended, or was in when its time was over."""
 
@@ -161,7 +161,13 @@ class _World:
         )
         receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: (_KEY,)}, clock)
         self._receiver = receiver
-        self._sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, settings.neighbours.pose_rate_hz, _BOOT_ID)
+        self._sender = NeighbourSender(
+            role=wire.Role.BEACON,
+            own_id=BEACON_ID,
+            key=_KEY,
+            pose_rate_hz=settings.neighbours.pose_rate_hz,
+            boot_id=_BOOT_ID,
+        )
         self._beacon = Beacon(self._sender)
         self._cameras = (CameraFeed(scenario, 0, math.radians(settings.pose.north_yaw_deg)), CameraFeed(scenario, 1))
         self._worker = InlineWorker(settings.aperture.estimator, clock)
@@ -296,7 +302,16 @@ class _World:
             uav, beacon = (_interpolated(t_s, times_s, p_m) for p_m in ends_m)
             moving = t_s >= self._moving_from_s
             since_s = t_s - _START_NS / NS_PER_S
-            points.append(MissionPoint(iteration, target, uav, beacon, moving, since_s))
+            points.append(
+                MissionPoint(
+                    iteration=iteration,
+                    target=target,
+                    uav_enu_m=uav,
+                    beacon_enu_m=beacon,
+                    is_beacon_moving=moving,
+                    time_s=since_s,
+                )
+            )
         return points
 
 

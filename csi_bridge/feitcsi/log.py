@@ -10,7 +10,7 @@ from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.records import CsiError
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FeitLog:
     """All records of a log in file order, and where each begins."""
 

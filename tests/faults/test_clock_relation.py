@@ -29,13 +29,13 @@ class Pair:
         self.rng = random.Random(1)
         self.clock = ManualClock(100 * NS_PER_S)
         self.receiver = NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, self.clock)
-        self.sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, boot(1))
+        self.sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=boot(1))
         self.beacon = self.receiver.neighbours[2]
         self.beacon_clock = ManualClock(100 * NS_PER_S + OFFSET_NS)
         self.there = NeighbourReceiver(
             2, {1: "uav"}, {1: KEYS}, self.beacon_clock, we_ping=False, on_accepted=self.sender.add_heard
         )
-        self.ours = NeighbourSender(wire.Role.UAV, 1, KEY, 50, boot(1))
+        self.ours = NeighbourSender(role=wire.Role.UAV, own_id=1, key=KEY, pose_rate_hz=50, boot_id=boot(1))
         self.on_the_way: list[tuple[int, NeighbourReceiver, bytes]] = []
         self.frame = 0
         self.notes_ages = notes_ages

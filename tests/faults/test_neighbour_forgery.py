@@ -200,7 +200,7 @@ def test_fault_30_a_one_way_switch_is_a_reboot() -> None:
 
 
 def _captured(book: BootBook, count: int) -> list[bytes]:
-    sender = NeighbourSender(wire.Role.BEACON, 2, KEY, 50, book.own_boot_id)
+    sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=book.own_boot_id)
     made = []
     for number in range(count):
         t_ns = (number + 10) * NS_PER_S // 10

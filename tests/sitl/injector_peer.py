@@ -124,7 +124,12 @@ def datagrams() -> None:
     neighbours = NeighbourConfig(key_file="key", port=17650, broadcast="10.9.0.255", interface="left")
     link = Link(dataclasses.replace(CONFIG, neighbours=neighbours))
     sender = NeighbourSender(
-        wire.Role.BEACON, 2, bytes(32), neighbours.pose_rate_hz, 1 << 32, neighbours.budget_bytes_s
+        role=wire.Role.BEACON,
+        own_id=2,
+        key=bytes(32),
+        pose_rate_hz=neighbours.pose_rate_hz,
+        boot_id=1 << 32,
+        budget_bytes_s=neighbours.budget_bytes_s,
     )
     rng = np.random.default_rng(5)
     sender.add_heard(1, 0, 0)

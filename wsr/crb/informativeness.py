@@ -52,7 +52,7 @@ class Spread:
     share: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Informativeness:
     """Of one aperture, in rad^-2: towards the source, and over all directions where it is least.
 
@@ -105,12 +105,12 @@ def informativeness(
     factor = scatter_factor(aperture.chi_m, aperture.wavelength_m, phase_variance_rad2)
     over = spread(factor, sphere_prior() if prior is None else prior)
     return Informativeness(
-        float(1.0 / crb_over(factor, azimuth_rad, polar_rad).great_circle_rad2[0]),
-        1.0 / over.worst_rad2,
-        over.worst_azimuth_rad,
-        over.worst_polar_rad,
-        1.0 / over.percentile_rad2,
-        phase_variance_rad2,
+        source_per_rad2=float(1.0 / crb_over(factor, azimuth_rad, polar_rad).great_circle_rad2[0]),
+        worst_per_rad2=1.0 / over.worst_rad2,
+        worst_azimuth_rad=over.worst_azimuth_rad,
+        worst_polar_rad=over.worst_polar_rad,
+        percentile_per_rad2=1.0 / over.percentile_rad2,
+        phase_variance_rad2=phase_variance_rad2,
     )
 
 

@@ -18,7 +18,7 @@ from wsr.crb.bound import RANK_TOLERANCE, Phase, whitened_positions
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CrbField:
     """Bounds (N,) in rad^2 for N directions, infinite where an angle is not determined.
 

@@ -83,7 +83,9 @@ class Reality:
         self.radio = RadioFeed(self.scenario)
         self.cameras = CameraFeed(self.scenario, 0), CameraFeed(self.scenario, 1)
         rate_hz = drawn.config.neighbours.pose_rate_hz
-        self.sender = NeighbourSender(wire.Role.BEACON, BEACON_ID, _KEY, rate_hz, 1)
+        self.sender = NeighbourSender(
+            role=wire.Role.BEACON, own_id=BEACON_ID, key=_KEY, pose_rate_hz=rate_hz, boot_id=1
+        )
         self.beacon = Beacon(self.sender)
         self.clock_ns = round(self.scenario.beacon.clock_offset_s * NS_PER_S)
         self.now_s = 0.0

@@ -34,7 +34,14 @@ def _taking_off(course: Course) -> None:
 def test_a_step_is_recorded_with_what_it_asks_for(course: Course, kept: Kept) -> None:
     assert course.step(Event.ENGAGE, 2 * NS_PER_S) == (Action.RUN_PREFLIGHT,)
     assert (course.state, course.since_ns, course.reason) == (State.PREFLIGHT, 2 * NS_PER_S, "engage")
-    step = MissionStep(2 * NS_PER_S, State.IDLE, Event.ENGAGE, State.PREFLIGHT, (Action.RUN_PREFLIGHT,), "engage")
+    step = MissionStep(
+        t_mono_ns=2 * NS_PER_S,
+        state=State.IDLE,
+        event=Event.ENGAGE,
+        next_state=State.PREFLIGHT,
+        actions=(Action.RUN_PREFLIGHT,),
+        reason="engage",
+    )
     assert kept.messages == [(MISSION, 2 * NS_PER_S, step)]
 
 
@@ -93,5 +100,10 @@ def test_the_end_of_the_service_is_the_last_step(course: Course, kept: Kept) -> 
     course.end(9 * NS_PER_S)
     assert course.state is State.FAULT
     assert kept.messages[-1][2] == MissionStep(
-        9 * NS_PER_S, State.IDLE, Event.TASK_FAILED, State.FAULT, (), SERVICE_ENDS
+        t_mono_ns=9 * NS_PER_S,
+        state=State.IDLE,
+        event=Event.TASK_FAILED,
+        next_state=State.FAULT,
+        actions=(),
+        reason=SERVICE_ENDS,
     )

@@ -46,8 +46,8 @@ class _Asked:
         self.course = Course(clock, self.kept)
         self.beside: list[Coroutine[Any, Any, None]] = []
         self.wishes = Wishes(
-            clock, self.kept, self.course, self.engagement, RcSwitch(1, 1700),  # type: ignore[arg-type]
-            lambda work, name: self.beside.append(work),
+            clock=clock, recorder=self.kept, course=self.course, engagement=self.engagement, switch=RcSwitch(1, 1700),  # type: ignore[arg-type]
+            beside=lambda work, name: self.beside.append(work),
         )  # fmt: skip
 
     def switch(self, us: int, age_s: float = 0.0) -> None:

@@ -80,7 +80,7 @@ def test_an_interface_that_is_gone_is_told_also_to_who_sends_nothing(
 
 
 def test_what_did_not_leave_is_not_counted_as_sent() -> None:
-    sender = NeighbourSender(Role.UAV, 1, bytes(32), 50.0, 1)
+    sender = NeighbourSender(role=Role.UAV, own_id=1, key=bytes(32), pose_rate_hz=50.0, boot_id=1)
     sender.add_pose(1, (0, 0, 0), 3)
     (data,) = sender.datagrams(NS_PER_S // 2)
     assert sender.sent_bytes > 0

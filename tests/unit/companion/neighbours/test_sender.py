@@ -24,7 +24,7 @@ def flood(sender: NeighbourSender, seconds: int, packets_per_s: int) -> list[byt
 
 
 def test_a_beacon_stays_under_5_kilobytes_a_second() -> None:
-    sender = NeighbourSender(wire.Role.BEACON, 2, KEY, pose_rate_hz=50, boot_id=boot(1))
+    sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=boot(1))
     listening = receiver()
     data = flood(sender, 10, 150)
     assert all(map(listening.take, data))
@@ -36,7 +36,7 @@ def test_a_beacon_stays_under_5_kilobytes_a_second() -> None:
 
 
 def test_more_packets_than_the_budget_are_thinned_evenly_not_sent() -> None:
-    sender = NeighbourSender(wire.Role.BEACON, 2, KEY, pose_rate_hz=50, boot_id=boot(1))
+    sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=boot(1))
     listening = receiver()
     data = flood(sender, 10, 400)
     assert all(map(listening.take, data))
@@ -47,7 +47,7 @@ def test_more_packets_than_the_budget_are_thinned_evenly_not_sent() -> None:
 
 
 def test_a_restarted_counter_and_a_wild_pose_cost_only_themselves() -> None:
-    sender = NeighbourSender(wire.Role.BEACON, 2, KEY, pose_rate_hz=50, boot_id=boot(1))
+    sender = NeighbourSender(role=wire.Role.BEACON, own_id=2, key=KEY, pose_rate_hz=50, boot_id=boot(1))
     listening = receiver()
     csi = np.full(30, 20 + 5j, np.complex64)
     for frame in (900_000, 900_001, 1, 2):

@@ -23,6 +23,13 @@ def camera_pose(name: str, north_deg: float, mirrored: bool = False) -> tuple[Po
     frame = BodyFrame(math.radians(north_deg))
     about_y = (math.cos(turn_rad / 2), 0.0, math.sin(turn_rad / 2), 0.0)
     sign = -1.0 if mirrored else 1.0
-    at = wire.RawPose(1, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, wire.PoseFrame.T265)
+    at = wire.RawPose(
+        t_mono_ns=1,
+        position_m=(0.0, 0.0, 0.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_m_s=(0.0, 0.0, 0.0),
+        confidence=3,
+        frame=wire.PoseFrame.T265,
+    )
     then = replace(at, t_mono_ns=2, position_m=(sign * x, sign * y, sign * z), quaternion_wxyz=about_y)
     return frame.pose(at), frame.pose(then)

@@ -59,7 +59,12 @@ async def _t265(folder: Path) -> AsyncIterator[Driven]:
         east, north, up = p
         # The camera started looking North: its axes are X = East, Y = Up, Z = South, and it has not turned.
         raw = wire.RawPose(
-            _CLOCK.now_ns(), (east, up, -north), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3, wire.PoseFrame.T265
+            t_mono_ns=_CLOCK.now_ns(),
+            position_m=(east, up, -north),
+            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+            velocity_m_s=(0.0, 0.0, 0.0),
+            confidence=3,
+            frame=wire.PoseFrame.T265,
         )
         camera.sendto(wire.encode(raw), str(path))
 

