@@ -51,7 +51,8 @@ def demo(
     """
     if recording is not None:
         azimuth_deg, elevation_deg = write_sample(recording, seed)
-        click.echo(f"{recording}: the transmitter tx2 is at azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg")
+        where = f"azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg"
+        click.echo(f"{recording}: the transmitter tx2 is at {where}")
         click.echo(f"now: companion analyze {recording}")
         return
     check_writable(json_path, out)
@@ -96,7 +97,9 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:
         row = next((row for row in result.rows if row.iteration == last.number), None)
-        truth = row and (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
+        truth = None
+        if row is not None:
+            truth = (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
         draw_profile(out / "profile.png", profile, last.estimate, truth, f"AOA profile of SAR iteration {last.number}")
         written.append(out / "profile.png")
     console.print("transport of CSI: " + _transport(run), highlight=False)

@@ -35,8 +35,8 @@ _RATE_HZ: Final = 100.0
 
 
 def write_sample(folder: Path, seed: int) -> tuple[float, float]:
-    """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. Raises CompanionError where
-    the folder cannot be written."""
+    """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. Raises CompanionError
+    where the folder cannot be written."""
     world = _world(seed)
     assert world.beacon_azimuth_rad is not None
     place_m = _DISTANCE_M * np.array([math.cos(world.beacon_azimuth_rad), math.sin(world.beacon_azimuth_rad), 0.0])

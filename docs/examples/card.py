@@ -1,4 +1,4 @@
-"""A card of your own: its measurements as records of the service's default format, to the socket of `csi.source: unix`."""
+"""A card of your own: its measurements in the service's default format, to the socket of `csi.source: unix`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ ANTENNA_A = 0
 def record(
     channel: npt.NDArray[np.complex128], card_us: int, frame: int, mac: bytes, power_dbm: int, number: int
 ) -> CsiRecord:
-    """Of one packet on one antenna: `channel` (30,) as measured. The format holds 8 bits for each part, so it is scaled;
-    what was received stands in rssi and agc: dBm = rssi - 44 - agc."""
+    """Of one packet on one antenna: `channel` (30,) as measured. The format holds 8 bits for each part, so it is
+    scaled; what was received stands in rssi and agc: dBm = rssi - 44 - agc."""
     scaled = np.round(channel / np.abs(channel).max() * 60)
     return CsiRecord(
         timestamp_low_us=card_us % 2**32,

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from companion.core.messages import Pose
 from companion.pose.source import PoseSource
 from csi_bridge.parser import parse_body
+from csi_bridge.records import CsiRecord
 from csi_bridge.unix_socket import UnixSource
 from tests.paths import DOCS
 from wsr.aperture import Aperture
@@ -42,9 +44,10 @@ def test_a_card_of_your_own_gives_records(tmp_path: Path) -> None:
     source = UnixSource(tmp_path / "csi.sock")
     try:
         _example("card")["main"](str(tmp_path / "csi.sock"))
-        records = [parse_body(code, body) for code, body in source.drain()]
+        parsed = [parse_body(code, body) for code, body in source.drain()]
     finally:
         source.close()
+    records = [record for record in parsed if isinstance(record, CsiRecord)]
     assert [record.frame_count for record in records] == list(range(10))
     assert records[3].timestamp_low_us == 30_000
     assert np.abs(records[0].csi).max() == pytest.approx(60, abs=1)
@@ -58,7 +61,9 @@ def test_an_estimator_of_your_own_finds_a_source(azimuth_deg: float) -> None:
     chi_m -= chi_m.mean(axis=0)
     source = direction(math.radians(azimuth_deg), math.radians(80.0))
     loud = rng.uniform(0.1, 5.0, len(t_s))
-    channel = loud * np.exp(4j * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2j * rng.normal(size=len(t_s)))
+    channel: npt.NDArray[np.complex128] = loud * np.exp(
+        4j * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2j * rng.normal(size=len(t_s))
+    )
     aperture = Aperture(
         t_s=t_s,
         chi_m=chi_m,

@@ -78,7 +78,13 @@ async def test_poses_are_counted_and_their_confidence_told(config: Config, tmp_p
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
         while not looking.done():
             pose = wire.RawPose(
-                time.monotonic_ns(), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1, wire.PoseFrame.T265, 7
+                t_mono_ns=time.monotonic_ns(),
+                position_m=(0.0, 0.0, 0.0),
+                quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+                velocity_m_s=(0.0, 0.0, 0.0),
+                confidence=1,
+                frame=wire.PoseFrame.T265,
+                session=7,
             )
             try:
                 camera.sendto(wire.encode(pose), str(tmp_path / "pose.sock"))

@@ -33,7 +33,9 @@ def config(tmp_path: Path) -> Config:
 async def _looked(config: Config, key: bytes | None) -> dict[str, bool | None]:
     """While the beacon sends with `key`."""
     link = Link(config)
-    sender = NeighbourSender(Role.BEACON, 2, key or bytes(32), 50.0, 1 << 32, 5000.0)
+    sender = NeighbourSender(
+        role=Role.BEACON, own_id=2, key=key or bytes(32), pose_rate_hz=50.0, boot_id=1 << 32, budget_bytes_s=5000.0
+    )
     looking = asyncio.create_task(network_checks(config, 0.5, None))
     while not looking.done():
         if key is not None:
