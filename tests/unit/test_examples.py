@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from companion.core.messages import Pose
@@ -61,7 +60,8 @@ def test_an_estimator_of_your_own_finds_a_source(azimuth_deg: float) -> None:
     chi_m -= chi_m.mean(axis=0)
     source = direction(math.radians(azimuth_deg), math.radians(80.0))
     loud = rng.uniform(0.1, 5.0, len(t_s))
-    channel: npt.NDArray[np.complex128] = loud * np.exp(
+    phase_rad = 4 * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2 * rng.normal(size=len(t_s))
+    channel = np.asarray(loud * np.exp(1j * phase_rad), np.complex128)
         4j * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2j * rng.normal(size=len(t_s))
     )
     aperture = Aperture(
