@@ -115,6 +115,7 @@ install:
 	@test -n "$(INSTALL_PYTHON)" || { echo "Python 3.11 or newer with venv is needed: apt install python3-venv"; exit 1; }
 	$(BUILD_TREE) "$(VERSION)" /opt/companion ""
 	/opt/companion/$(VERSION)/bin/companion-setup activate "$(VERSION)" $(ROLE)
+	$(if $(DEPENDENCIES),,/opt/companion/$(VERSION)/bin/companion-setup warm-up)
 
 rollback:
 	/opt/companion/current/bin/companion-setup rollback

@@ -123,6 +123,12 @@ def test_a_version_is_a_releases_or_a_commits(root: CleanRoot) -> None:
     assert root.run(asked) == f'"{__version__}" uav\n'
 
 
+@pytest.mark.long
+def test_the_kernel_is_compiled_for_the_service_before_its_first_start(root: CleanRoot) -> None:
+    root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav && companion-setup warm-up")
+    assert "compiled kernel         kept in /var/cache/companion" in root.run("companion doctor system || true")
+
+
 def test_wrong_usage_is_told(root: CleanRoot) -> None:
     setup = "sh systemd/companion-setup"
     assert "expected activate, rollback" in root.run(f"{setup} fly", code=2)
