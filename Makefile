@@ -108,7 +108,7 @@ INSTALL_PYTHON310 = $(shell for p in /usr/bin/python3.10 /opt/python3.10/bin/pyt
 # Of a commit that is no release, with its number, so that two of them lie side by side.
 VERSION = $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' companion/__init__.py)$(shell \
 	git() { command git -c safe.directory='*' "$$@" 2>/dev/null; }; git describe --exact-match --match 'v*' >/dev/null || \
-	echo "$$(git rev-list --count HEAD) $$(git rev-parse --short HEAD)" | sed -n 's/^\([0-9]*\) \(.*\)/+r\1.\2/p')
+	echo "$$(git rev-list --count HEAD) $$(git rev-parse --short HEAD)" | sed -n 's/^\([0-9][0-9]*\) \(.*\)/+r\1.\2/p')
 BUILD_TREE = PYTHON="$(INSTALL_PYTHON)" PYTHON310="$(INSTALL_PYTHON310)" DEPENDENCIES="$(DEPENDENCIES)" systemd/build-tree
 
 install:
@@ -116,6 +116,7 @@ install:
 	@test -n "$(INSTALL_PYTHON)" || { echo "Python 3.11 or newer with venv is needed: apt install python3-venv"; exit 1; }
 	$(BUILD_TREE) "$(VERSION)" /opt/companion ""
 	/opt/companion/$(VERSION)/bin/companion-setup activate "$(VERSION)" $(ROLE)
+	$(if $(DEPENDENCIES),,/opt/companion/$(VERSION)/bin/companion-setup warm-up)
 
 rollback:
 	/opt/companion/current/bin/companion-setup rollback

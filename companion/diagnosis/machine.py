@@ -74,7 +74,7 @@ def _kernel_cache(root: Path) -> Check:
         return Check("compiled kernel", True, f"kept in {place}")
     return Check(
         "compiled kernel", None, f"none in {place}",
-        "the first start compiles it, which takes up to a minute: start the service once before a flight",
+        "companion-setup warm-up, as root; else the first start compiles it, which takes a minute or more",
     )  # fmt: skip
 
 

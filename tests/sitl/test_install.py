@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from companion import __version__
 from companion.sim.stage import free_udp_port
 from tests.clean_root import SITE, CleanRoot, clean_root, why_not
 
@@ -110,6 +112,21 @@ def test_an_interpreter_that_only_root_can_run_is_told(root: CleanRoot) -> None:
     root.run("mkdir /opt/companion/1.0/t265 && cp -a /opt/companion/1.0/bin /opt/companion/1.0/t265/")
     root.run("chmod go= /opt/companion/1.0/t265")
     assert "cannot run /opt/companion/current/t265/bin/python" in root.run("companion-setup activate 1.0")
+
+
+def test_a_version_is_a_releases_or_a_commits(root: CleanRoot) -> None:
+    """Without git, as in an unpacked archive, it is the program's own."""
+    asked = "make -n install ROLE=uav | sed -n 's/.*companion-setup activate //p'"
+    of_commit = root.run("git -C . rev-parse HEAD > /dev/null || exit 0; " + asked)
+    assert not of_commit or re.fullmatch(rf'"{re.escape(__version__)}(\+r\d+\.[0-9a-f]+)?" uav\n', of_commit), of_commit
+    root.run("rm -f $(command -v git)")
+    assert root.run(asked) == f'"{__version__}" uav\n'
+
+
+@pytest.mark.long
+def test_the_kernel_is_compiled_for_the_service_before_its_first_start(root: CleanRoot) -> None:
+    root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav && companion-setup warm-up")
+    assert "compiled kernel         kept in /var/cache/companion" in root.run("companion doctor system || true")
 
 
 def test_wrong_usage_is_told(root: CleanRoot) -> None:
