@@ -159,6 +159,7 @@ class Readiness:
     intended_mode: FlightMode | None = None
     in_air: bool = False
     landed_unknown: bool = False
+    are_two: bool = False
     armed: bool = False
     can_arm: bool | None = None
     """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
@@ -215,6 +216,7 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it is "
         "given an origin (autopilot.origin_deg) once it takes our poses": now.position_is_global is False,
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
+        "two vehicles of one system id are on the link: give each its own MAV_SYS_ID": now.are_two,
         _other_vehicle(now.not_px4): bool(now.not_px4),
         "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)": linked and now.landed_unknown,
         _mode_problem(now): True,
