@@ -140,6 +140,7 @@ class Telemetry:
                 batteries_unknown=charge.unknown,
                 can_arm=can_arm,
                 arming_reasons=() if can_arm is not False else self._arming.reasons(self._known.get("mode"), now_ns),
+                are_two=clock.is_of_two(now_ns),
                 clock_offset_ns=clock.offset_ns,
                 stood_still_ns=clock.stood_still_ns,
                 resets=self._resets.count,
@@ -171,10 +172,15 @@ class Telemetry:
     def _told(self, vehicle_ns: int, now_ns: int) -> None:
         """What a message says of the vehicle's clock: it may have restarted, or ours may have stood still."""
         with self._lock:
+            was_of_two = self._vehicle_clock.is_of_two(now_ns)
             turn = self._vehicle_clock.told(vehicle_ns, now_ns)
+            is_of_two = self._vehicle_clock.is_of_two(now_ns)
             if turn is Turn.RESTARTED:
                 self._forget()
-        if turn is Turn.RESTARTED:
+        if is_of_two and not was_of_two:
+            text = "two vehicles of one system id: their clocks alternate"
+            self._events.append(AutopilotEvent(now_ns, _WARNING, text))
+        elif turn is Turn.RESTARTED and not is_of_two:
             text = f"the autopilot has restarted: its clock is at {vehicle_ns / 1e9:.1f} s again"
             self._events.append(AutopilotEvent(now_ns, _WARNING, text))
         elif turn is Turn.LEAPT:

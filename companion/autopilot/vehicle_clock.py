@@ -11,6 +11,7 @@ ahead of ours when our own clock stood still (a suspended host, a paused virtual
 
 from __future__ import annotations
 
+from collections import deque
 from enum import StrEnum
 from typing import Final
 
@@ -20,6 +21,8 @@ _RESTART_NS: Final = 1_000_000_000
 _LEAP_NS: Final = 300_000_000
 _LEARN_NS: Final = 1_000_000_000
 """So long after the first message a leap is but a queue that empties."""
+_MANY_NS: Final = 5_000_000_000
+"""No vehicle starts five times within so long: its clock and another's alternate."""
 _KNOWN_AFTER: Final = 10
 """Messages: one alone may have been held up."""
 
@@ -39,6 +42,8 @@ class VehicleClock:
     def __init__(self) -> None:
         self.stood_still_ns = 0
         """Of ours, while the vehicle's went on: all leaps since the beginning."""
+        self._restarts_ns: deque[int] = deque(maxlen=5)
+        """When the last ones were."""
         self._count = 0
         self._told_ns = 0
         self._first_mono_ns = 0
@@ -55,10 +60,17 @@ class VehicleClock:
         """The vehicle's time at one of ours [ns]."""
         return None if self.offset_ns is None else t_mono_ns + self.offset_ns
 
+    def is_of_two(self, now_ns: int) -> bool:
+        """Whether two vehicles tell their clocks under one name."""
+        many = self._restarts_ns
+        return len(many) == many.maxlen and many[-1] - many[0] < _MANY_NS and now_ns - many[-1] < _MANY_NS
+
     def told(self, vehicle_ns: int, now_ns: int) -> Turn | None:
         """A message that left at `vehicle_ns` by the vehicle's clock arrived."""
         restarted = self._count > 0 and vehicle_ns < self._told_ns - _RESTART_NS
         self._told_ns = vehicle_ns
+        if restarted:
+            self._restarts_ns.append(now_ns)
         if restarted or not self._count:
             self._count, self._first_mono_ns = 1, now_ns
             self._ahead_ns, self._ahead_mono_ns = vehicle_ns - now_ns, now_ns

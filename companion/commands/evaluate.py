@@ -23,6 +23,7 @@ from companion.commands.tables import figures_table
 from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
+from companion.host.child import die_with_parent
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 120
@@ -96,7 +97,7 @@ def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]
     done: list[RunRows] = []
     with (
         Progress(*bar_columns(), console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(max_workers=min(jobs, len(runs))) as pool,
+        ProcessPoolExecutor(max_workers=min(jobs, len(runs)), initializer=die_with_parent) as pool,
     ):
         task = progress.add_task("evaluating", total=len(runs))
         for future in as_completed([pool.submit(partial(evaluate_run, run, options)) for run in runs]):

@@ -109,6 +109,8 @@ class VehicleState:
     """What was asked for. In a failsafe it stays while another mode flies, and comes back with its cause's end."""
     system_id: int | None = None
     """The one vehicle this service speaks to."""
+    are_two: bool = False
+    """Two vehicles answer by that id."""
     autopilot: str = ""
     """What its heartbeat says it is, for example "px4"."""
     firmware: str = ""

@@ -15,7 +15,7 @@ from companion.core.messages import VehicleState
 from companion.errors import ConfigError
 from companion.flight.status import vehicle_name
 from companion.radio.checks import Check
-from companion.safety.preflight import Heights, Requirement, parameter_problems, required_parameters
+from companion.safety.preflight import Heights, Requirement, other_vehicle, parameter_problems, required_parameters
 
 _VERSION_S = 3.0
 _LOOK_S = 0.05
@@ -31,8 +31,11 @@ async def autopilot_checks(config: Config, seconds: float, status: dict[str, Any
         return [_of_service(status), Check("parameters", None, "the running service holds the link", _STOP)]
     try:
         async with _connected(config.autopilot, seconds) as edge:
-            vehicle = Check("vehicle", True, vehicle_name(edge.state()))
-            return [vehicle, _arming(edge.state()), *await _parameters(config, config.autopilot.gps, edge)]
+            return [
+                _vehicle(edge.state()),
+                _arming(edge.state()),
+                *await _parameters(config, config.autopilot.gps, edge),
+            ]
     except AutopilotError as error:
         taken = "is the service running? companion status names its vehicle" if "taken" in str(error) else ""
         return [Check("vehicle", False, str(error), taken)]
@@ -61,6 +64,12 @@ async def _connected(config: AutopilotConfig, seconds: float) -> AsyncIterator[M
     finally:
         watch.cancel()
         await edge.aclose()
+
+
+def _vehicle(state: VehicleState) -> Check:
+    if state.autopilot == "px4":
+        return Check("vehicle", True, vehicle_name(state))
+    return Check("vehicle", False, other_vehicle(state.autopilot), "autopilot.system_id says which one is ours")
 
 
 def _arming(vehicle: VehicleState) -> Check:

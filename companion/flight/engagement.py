@@ -125,6 +125,7 @@ class Engagement:
             intended_mode=vehicle.intended_mode,
             in_air=vehicle.in_air,
             landed_unknown=vehicle.landed_unknown,
+            are_two=vehicle.are_two,
             armed=vehicle.armed,
             can_arm=vehicle.can_arm,
             arming_reasons=vehicle.arming_reasons,

@@ -159,6 +159,7 @@ class Readiness:
     intended_mode: FlightMode | None = None
     in_air: bool = False
     landed_unknown: bool = False
+    are_two: bool = False
     armed: bool = False
     can_arm: bool | None = None
     """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
@@ -215,7 +216,8 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it is "
         "given an origin (autopilot.origin_deg) once it takes our poses": now.position_is_global is False,
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
-        _other_vehicle(now.not_px4): bool(now.not_px4),
+        "two vehicles of one system id are on the link: give each its own MAV_SYS_ID": now.are_two,
+        other_vehicle(now.not_px4): bool(now.not_px4),
         "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)": linked and now.landed_unknown,
         _mode_problem(now): True,
         f"PX4's own arming checks fail: {'; '.join(now.arming_reasons) or 'it has not said why'}": linked
@@ -241,7 +243,8 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
     return [text for text, is_so in problems.items() if is_so and text]
 
 
-def _other_vehicle(told: str) -> str:
+def other_vehicle(told: str) -> str:
+    """What is wrong with a vehicle that says it is `told`, where that is no PX4 on a multicopter."""
     other = told.removeprefix("px4 on ")
     return f"the vehicle is no PX4 but {told}" if other == told else f"the vehicle is no multicopter but {other}"
 

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from numpy.random import SeedSequence
 
+from companion.host.child import die_with_parent
 from companion.study.trials import TrialError, batches, run_batch
 
 S = TypeVar("S")
@@ -38,7 +39,8 @@ class ProcessRunner:
         todo = list(batches(specs, seed, self.jobs))
         rows: dict[int, list[R]] = {}
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(max(1, min(self.jobs, len(todo))), mp_context=context) as pool:
+        workers = max(1, min(self.jobs, len(todo)))
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=die_with_parent) as pool:
             futures = {pool.submit(run_batch, trial, batch): batch for batch in todo}
             try:
                 for future in as_completed(futures):

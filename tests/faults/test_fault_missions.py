@@ -198,6 +198,12 @@ def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch)
     assert "preflight_holds" in broken_by(flight_with(Fault(0.5, "clock", "", 5.0, 0.0)))
 
 
+@pytest.mark.parametrize("seed", [CHECKS_FROM + 454, CHECKS_FROM + 712])
+def test_what_has_been_armed_needs_no_checks(seed: int) -> None:
+    """Engaged again in the air, while nothing was told of them."""
+    assert promises.violations(fly(draw(seed))) == []
+
+
 _CHECKS_FAIL = Fault(0.0, "checks", "accel_missing", 30.0, 0.0)
 
 

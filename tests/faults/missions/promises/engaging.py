@@ -63,7 +63,7 @@ def preflight_holds(trace: Trace) -> Found:
             "no worker": not looked.ready[0],
             "no recorder": not looked.ready[1],
             "clock not related": not looked.ready[2],
-            "arming checks fail, or nothing is told of them": not looked.ready[4],
+            "arming checks fail, or nothing is told of them": not told.armed and not looked.ready[4],
             "stream lost means nothing good": trace.scenario.rc_loss_act not in (4, 5),
         }
         for name in (name for name, is_so in wrong.items() if is_so):

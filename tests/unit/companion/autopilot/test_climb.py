@@ -60,6 +60,12 @@ def test_it_hovers_after_a_second_of_stillness_and_no_earlier() -> None:
     assert climb.hovers(_state(FlightMode.HOLD, 1.5, 0.0, 103.0))
 
 
+def test_a_hover_at_the_origins_height_may_move_by_15_cm() -> None:
+    climb = Climb(-1.5, 1.5, 0.8)
+    assert not climb.hovers(_state(FlightMode.HOLD, 0.0, 0.0, 5.0))
+    assert climb.hovers(_state(FlightMode.HOLD, 0.15, 0.0, 6.0))
+
+
 def test_a_hover_whose_climb_rate_is_all_noise_is_one() -> None:
     climb, found = Climb(0.0, 1.5, 0.8), []
     for step in range(40):

@@ -426,3 +426,20 @@ def test_whatever_arrives_is_counted_and_nothing_raises(bench: _Bench, name: str
     bench.telemetry.take(name, 1, json.dumps(fields))
     assert bench.telemetry.malformed == 1
     assert bench.telemetry.state() == before
+
+
+def test_two_vehicles_of_one_system_id_are_known_by_their_clocks(bench: _Bench) -> None:
+    for n in range(100):
+        _stamped(bench, 100_000 + 20 * n + (60_000 if n % 2 else 0), 50.0 + 0.02 * n)
+    assert bench.telemetry.state().are_two
+    texts = [event.text for event in bench.telemetry.take_events()]
+    assert texts.count("two vehicles of one system id: their clocks alternate") == 1
+    assert len(texts) == 5  # four restarts came before it
+    bench.now_ns += 5_000_000_000
+    assert not bench.telemetry.state().are_two
+
+
+def test_a_vehicle_that_restarts_twice_is_one(bench: _Bench) -> None:
+    for at_s, vehicle_ms in [(1.0, 60_000), (2.0, 500), (3.0, 1500), (4.0, 100), (5.0, 1100)]:
+        _stamped(bench, vehicle_ms, at_s)
+    assert not bench.telemetry.state().are_two and bench.telemetry.state().boots == 2

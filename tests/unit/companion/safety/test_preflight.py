@@ -98,6 +98,7 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
         ),
         ({"not_px4": "ardupilot"}, "the vehicle is no PX4 but ardupilot"),
         ({"not_px4": "px4 on a fixed wing"}, "the vehicle is no multicopter but a fixed wing"),
+        ({"are_two": True}, "two vehicles of one system id are on the link: give each its own MAV_SYS_ID"),
         ({"landed_unknown": True}, "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)"),
         ({"time_known": False}, "clocks: the vehicle's own time is not known yet, in which poses are stamped"),
         ({"battery": None}, "no battery tells how full it is (BATTERY_STATUS)"),
