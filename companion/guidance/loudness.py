@@ -31,7 +31,7 @@ _MOST: Final = 32
 """and how many of the newest are kept."""
 
 
-class Heard(NamedTuple):
+class PowerHeard(NamedTuple):
     """Mean place (3,) and power [dBm] over `weight` apertures' worth of packets."""
 
     place_m: Floats
@@ -43,18 +43,18 @@ class Loudness:
     """Takes received powers with the places they were heard at."""
 
     def __init__(self) -> None:
-        self._heard: deque[Heard] = deque(maxlen=_MOST)
+        self._heard: deque[PowerHeard] = deque(maxlen=_MOST)
 
     def add(self, place_m: Floats, power_dbm: float, weight: float) -> None:
         """At `place_m` (3,), relative to the target's motion; `weight` in apertures' worth of packets."""
         if weight <= 0.0 or not math.isfinite(power_dbm):
             return
         if not self._heard or self._heard[-1].weight >= _GROUPED:
-            self._heard.append(Heard(place_m, power_dbm, weight))
+            self._heard.append(PowerHeard(place_m, power_dbm, weight))
             return
         last = self._heard[-1]
         total = last.weight + weight
-        self._heard[-1] = Heard(
+        self._heard[-1] = PowerHeard(
             (last.weight * last.place_m + weight * place_m) / total,
             (last.weight * last.power_dbm + weight * power_dbm) / total,
             total,

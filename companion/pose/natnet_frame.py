@@ -72,13 +72,13 @@ def protocol_version(payload: bytes) -> Version:
 def body_in(payload: bytes, version: Version, wanted: int) -> Body | None:
     """The rigid body of that streaming id in a FRAMEOFDATA; None where it is not in there. Raises NatNetError, also for
     numbers that are no pose of anything."""
-    reader = _Reader(payload, version)
+    reader = _FrameReader(payload, version)
     reader.skip(4)  # number of the frame
-    reader.section(5, _Reader.skip_marker_set)
+    reader.section(5, _FrameReader.skip_marker_set)
     reader.section(_MARKER, lambda section: section.skip(_MARKER))
     found: list[tuple[Vector3, tuple[float, float, float, float], bool]] = []
 
-    def take(section: _Reader) -> None:
+    def take(section: _FrameReader) -> None:
         number, pose = section.body()
         if number == wanted:
             found.append(pose)
@@ -106,7 +106,7 @@ def _check(body: Body) -> None:
         raise NatNetError(f"quaternion of length {norm:g}, expected 1")
 
 
-class _Reader:
+class _FrameReader:
     """Reads forward; what would leave the datagram is an error."""
 
     def __init__(self, data: bytes, version: Version) -> None:
@@ -132,7 +132,7 @@ class _Reader:
             raise NatNetError(f"a count of {number} at {start}, with {self.left} bytes left")
         return int(number)
 
-    def section(self, least_bytes: int, take: Callable[[_Reader], None], is_read: bool = False) -> None:
+    def section(self, least_bytes: int, take: Callable[[_FrameReader], None], is_read: bool = False) -> None:
         number = self.count(least_bytes)
         if self._version >= (4, 1):
             size = self.count(1)
@@ -201,10 +201,10 @@ class _Reader:
 
 
 _AFTER_BODIES: Final = (
-    ((2, 1), 8, _Reader.skip_skeleton),
-    ((4, 1), 12, _Reader.skip_asset),
-    ((2, 3), 20, _Reader.skip_labelled_marker),
-    ((2, 9), 8, _Reader.skip_channels),
-    ((2, 11), 8, _Reader.skip_channels),
+    ((2, 1), 8, _FrameReader.skip_skeleton),
+    ((4, 1), 12, _FrameReader.skip_asset),
+    ((2, 3), 20, _FrameReader.skip_labelled_marker),
+    ((2, 9), 8, _FrameReader.skip_channels),
+    ((2, 11), 8, _FrameReader.skip_channels),
 )
 """Since which version, least bytes of each of its things, how one of them is skipped."""

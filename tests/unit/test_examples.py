@@ -62,8 +62,6 @@ def test_an_estimator_of_your_own_finds_a_source(azimuth_deg: float) -> None:
     loud = rng.uniform(0.1, 5.0, len(t_s))
     phase_rad = 4 * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2 * rng.normal(size=len(t_s))
     channel = np.asarray(loud * np.exp(1j * phase_rad), np.complex128)
-        4j * math.pi / WAVELENGTH_M * (chi_m @ source) + 0.2j * rng.normal(size=len(t_s))
-    )
     aperture = Aperture(
         t_s=t_s,
         chi_m=chi_m,
