@@ -14,6 +14,7 @@ from companion.config.schema import Config
 from companion.config.unit_settings import drop_in, unit_of
 from companion.radio.checks import Check
 from companion.shipped.files import shipped_text
+from csi_bridge.regular_file import read_regular
 
 SERVICE_USER: Final = "companion"
 _UNITS: Final = Path("etc/systemd/system")
@@ -96,7 +97,7 @@ def key_check(name: str, path: Path) -> Check:
     """A key file as the service reads it. Whoever may not read it, cannot look at it."""
     try:
         found = path.stat()
-        key = path.read_bytes()
+        key = read_regular(path)
     except FileNotFoundError:
         remedy = (
             f"companion keygen --owner {SERVICE_USER} {path}"

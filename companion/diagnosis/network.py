@@ -14,6 +14,7 @@ from companion.neighbours.keys import read_key
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.radio.checks import Check
+from csi_bridge.regular_file import read_regular
 
 _LOOK_S: Final = 0.1
 
@@ -25,7 +26,7 @@ def key_checks(config: Config) -> Iterator[Check]:
     known: dict[bytes, str] = {}
     for name, path in files.items():
         check = key_check(name, path)
-        same = known.setdefault(path.read_bytes(), name) if check.ok else name
+        same = known.setdefault(read_regular(path), name) if check.ok else name
         if same != name:
             check = Check(
                 name, False, f"{path}: the same bytes as {same}", "companion keygen makes another: each has its own"

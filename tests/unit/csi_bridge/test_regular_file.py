@@ -91,7 +91,6 @@ def test_everything_of_ours_that_reads_a_named_file_does_it_so() -> None:
         "companion/radio/traffic.py", "companion/radio/checks.py", "csi_bridge/netlink.py",
         "csi_bridge/feitcsi/netlink.py", "companion/radio/preparing.py", "companion/diagnosis/camera.py",
         "companion/diagnosis/card.py", "companion/diagnosis/installation.py", "companion/diagnosis/machine.py",
-        "companion/diagnosis/network.py",
     }  # fmt: skip
     of_ours = {
         "csi_bridge/regular_file.py",

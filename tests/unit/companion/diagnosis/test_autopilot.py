@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from companion.commands.doctor_autopilot import _vehicle
 from companion.core.messages import VehicleState
+from companion.diagnosis.autopilot import _vehicle
 
 
 def test_our_vehicle_is_named() -> None:
