@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from companion.core.messages import Vector3
 from companion.log.truth import Truth
-from wsr.geometry import angles
+from wsr.geometry import angles, direction, great_circle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +72,16 @@ class TruthTrack:
         own_m, peer_m = self.places_m(t_ns, peer)
         azimuth, polar = angles(peer_m - own_m)
         return (float(azimuth), float(polar)) if np.isfinite(azimuth) else None
+
+    def error_deg(self, t_ns: int, peer: str, estimate: LoggedEstimate) -> float | None:
+        """Great circle between an estimate and the truth, along the horizon where no polar angle is observable."""
+        truth = self.bearing(t_ns, peer)
+        if truth is None:
+            return None
+        if not estimate.polar_observable:
+            return abs(math.degrees(math.remainder(estimate.azimuth_rad - truth[0], math.tau)))
+        found = direction(estimate.azimuth_rad, estimate.polar_rad)
+        return math.degrees(float(great_circle(found, direction(*truth))))
 
     def distance_m(self, t_ns: int, peer: str) -> float:
         own_m, peer_m = self.places_m(t_ns, peer)

@@ -19,7 +19,6 @@ from companion.core.streams import CSI, NEIGHBOUR, POSE_IN, SETPOINT
 from companion.log.times import bin_edges_s, main_span_ns
 from companion.page.parts import elevation_deg
 from companion.report.content import FlightContent
-from wsr.geometry import direction, great_circle
 
 _DPI: Final = 90
 _BEARING_M: Final = 1.6
@@ -166,19 +165,13 @@ def health(content: FlightContent) -> bytes:
 
 
 def error_degrees(content: FlightContent) -> list[float]:
-    """Great circle between each estimate and the truth, along the horizon where a polar angle is not observable."""
+    """Of each estimate, as `TruthTrack.error_deg` has them; not a number where the truth does not know."""
     errors = []
     for one in content.iterations:
         if one.estimate is None:
             continue
-        truth = content.true_bearing(one)
-        if truth is None:
-            errors.append(math.nan)
-        elif not one.estimate.polar_observable:
-            errors.append(abs(math.degrees(math.remainder(one.estimate.azimuth_rad - truth[0], math.tau))))
-        else:
-            found = direction(one.estimate.azimuth_rad, one.estimate.polar_rad)
-            errors.append(math.degrees(float(great_circle(found, direction(*truth)))))
+        error = content.truth.error_deg(one.reference_ns, content.peer_name(one.peer), one.estimate)
+        errors.append(math.nan if error is None else error)
     return errors
 
 

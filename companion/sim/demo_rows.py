@@ -16,7 +16,6 @@ from companion.log.reader import read_log
 from companion.log.records import LoggedIteration, TruthTrack
 from companion.sim.demo import BEACON, DemoRun, log_truths
 from companion.sim.truth import WorldTruth
-from wsr.geometry import direction, great_circle
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
@@ -35,7 +34,7 @@ class Row:
     elevation_deg: float | None
     true_elevation_deg: float
     error_deg: float | None
-    """Great circle between estimate and truth."""
+    """Great circle between estimate and truth, along the horizon where the aperture told no elevation."""
     crb_deg: float | None
     """Square root of the unknown-phase Cramer-Rao bound, as a great circle."""
     reliability: float | None
@@ -126,10 +125,7 @@ def _row(iteration: LoggedIteration, run: DemoRun, track: TruthTrack) -> Row | N
     true_azimuth, true_polar = bearing
     uav, beacon = track.places_m(iteration.reference_ns, BEACON)
     estimate = iteration.estimate
-    error_deg = None
-    if estimate is not None:
-        found = direction(estimate.azimuth_rad, estimate.polar_rad)
-        error_deg = math.degrees(float(great_circle(found, direction(true_azimuth, true_polar))))
+    error_deg = None if estimate is None else track.error_deg(iteration.reference_ns, BEACON, estimate)
     ux, uy, uz = uav.tolist()
     bx, by, bz = beacon.tolist()
     return Row(
@@ -139,7 +135,7 @@ def _row(iteration: LoggedIteration, run: DemoRun, track: TruthTrack) -> Row | N
         length_m=estimate.length_m if estimate else None,
         azimuth_deg=math.degrees(estimate.azimuth_rad) if estimate else None,
         true_azimuth_deg=math.degrees(true_azimuth),
-        elevation_deg=90.0 - math.degrees(estimate.polar_rad) if estimate else None,
+        elevation_deg=90.0 - math.degrees(estimate.polar_rad) if estimate and estimate.polar_observable else None,
         true_elevation_deg=90.0 - math.degrees(true_polar),
         error_deg=error_deg,
         crb_deg=math.degrees(estimate.crb_rad) if estimate and estimate.crb_rad is not None else None,
