@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 _LIMIT_S = 60.0
 
 
@@ -24,6 +26,7 @@ def _lives(pid: int) -> bool:
         return False
 
 
+@pytest.mark.long
 def test_its_workers_die_with_it(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "companion", "study", "geometry", "--trials", "400", "--jobs", "2"]
     with subprocess.Popen([*command, "--out", str(tmp_path)], stderr=subprocess.DEVNULL) as study:

@@ -55,6 +55,7 @@ def test_near_field_bias_is_gone_and_range_is_known() -> None:
     assert row.range_within_15 >= 0.8
 
 
+@pytest.mark.long
 def test_velocity_bias_and_random_walk() -> None:
     bias, walk = pose_error_rows(15)
     assert bias.ate_m == pytest.approx(walk.ate_m)

@@ -43,6 +43,7 @@ def recording(*links: LinkResult) -> RunResult:
     return RunResult(run=Run(folder=Path("set"), stamp="now", rx=None), kind=PoseKind.MOCAP, links=links)
 
 
+@pytest.mark.long
 def test_every_transmitter_is_shown_with_its_profile(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_page, "_PATIENCE_S", 0.1)
     monkeypatch.setattr(recording_page, "_EACH_S", 0.5)

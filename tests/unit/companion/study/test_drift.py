@@ -15,6 +15,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import SEED, check_leftovers, rows_of
 
 
+@pytest.mark.long
 def test_drift_grows_with_the_error_and_scales_it_to_the_ate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from companion.study import drift
 

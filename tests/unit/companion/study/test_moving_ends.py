@@ -13,6 +13,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import check_leftovers, rows_of
 
 
+@pytest.mark.long
 def test_moving_ends_need_the_others_displacement_in_ones_own_axes(tmp_path: Path) -> None:
     one = study("moving-ends")
     rows = rows_of(one, one.plan(Settings(3, DATA)))

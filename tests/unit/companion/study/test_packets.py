@@ -13,6 +13,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import check_leftovers, rows_of
 
 
+@pytest.mark.long
 def test_packets_losses_are_as_asked_and_errors_come_with_refusals(tmp_path: Path) -> None:
     from companion.study import packets
 
