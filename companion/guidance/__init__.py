@@ -1,4 +1,5 @@
-"""Where to fly: bearings in; where the target may be (`tracker`, `targets`) and the set points of one continuous path
+"""Where to fly: bearings in; where the target may be (`tracker`, by `likelihood`,
+`loudness` and `witnesses`; `targets`) and the set points of one continuous path
 there (`approach`, by `steering` and `motion`) out. Pure of I/O; takes bearings from `sensing` and the fence from
 `safety`, and commands nothing.
 """
