@@ -7,8 +7,9 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from companion.mission.table import AT_REST
 from companion.page.health import HealthLook, Item, health_list
-from companion.page.next_step import AT_REST, next_step
+from companion.page.next_step import next_step
 from companion.page.parts import compass_deg, vehicle_name
 
 Values = Mapping[str, Any]

@@ -12,10 +12,9 @@ from companion.core.recorder import Recorder
 from companion.core.streams import MISSION
 from companion.flight.records import SERVICE_ENDS, MissionStep
 from companion.mission import table
-from companion.mission.table import Action, State
+from companion.mission.table import AT_REST, Action, State
 
 _log = logging.getLogger(__name__)
-AT_REST: Final = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
 _WISHES: Final = frozenset({Event.ENGAGE})
 _FAILURES: Final = frozenset({Event.PREFLIGHT_FAILED, Event.TAKEOFF_FAILED, Event.OFFBOARD_REFUSED})
 

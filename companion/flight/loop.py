@@ -17,7 +17,7 @@ from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import COMMAND, END, SETPOINT, TICK
 from companion.flight.commands import FlightCommands, MakeCommands
-from companion.flight.course import AT_REST, Course
+from companion.flight.course import Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
 from companion.flight.limits import condition_limits
@@ -32,7 +32,7 @@ from companion.flight.vehicle_feed import VehicleFeed
 from companion.flight.wishes import Wishes
 from companion.guidance.approach import Approach, as_velocity, inside
 from companion.mission.conditions import SLEPT_S, conditions
-from companion.mission.table import Action, State
+from companion.mission.table import AT_REST, Action, State
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
 from companion.safety.gate import Gate, GateLimits, Reason

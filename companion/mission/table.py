@@ -33,6 +33,10 @@ class State(StrEnum):
     """A part of the companion died. Only a restart of the service, which starts idle, leads out."""
 
 
+AT_REST: Final = frozenset({State.IDLE, State.PREFLIGHT, State.LATCHED, State.FAULT})
+"""Nothing flies here by our doing; in all others we fly, or have asked the autopilot to."""
+
+
 class Action(StrEnum):
     """What the application carries out, in the order given."""
 

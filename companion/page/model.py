@@ -10,9 +10,10 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from companion.mission.table import AT_REST
 from companion.page import parts
 from companion.page.health import HealthLook, Item, as_rows, health_list
-from companion.page.next_step import AT_REST, next_step
+from companion.page.next_step import next_step
 
 _TRAIL: Final = 1500
 _TRAIL_STEP_M: Final = 0.1

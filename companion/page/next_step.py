@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-AT_REST: Final = frozenset({"idle", "preflight", "latched", "fault"})
-IN_FLIGHT: Final = frozenset({"taking_off", "acquiring", "approaching", "holding", "arrived", "landing"})
 _LEFT_IN: Final = {"hold": "is left in hold", "land": "lands", "return": "flies home"}
 
 

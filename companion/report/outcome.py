@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from companion.flight.records import SERVICE_ENDS
-from companion.page.next_step import IN_FLIGHT
+from companion.mission.table import AT_REST
 
 _WHY: Final = {
     "task_failed": "a part of the service died",
@@ -26,7 +26,6 @@ _WHY: Final = {
     "landed": "the vehicle had landed",
     "timeout": "it took longer than its limit",
 }
-_AT_REST: Final = ("idle", "latched", "fault")
 _FEWEST: Final = 5
 _SHARE: Final = 0.8
 _TIMES: Final = 3.0
@@ -89,7 +88,7 @@ def _not_flown(flown: Sequence[Step], bearings: int, duration_s: float) -> str:
 
 
 def _ends(step: Mapping[str, Any]) -> bool:
-    leaves = step["state"] in IN_FLIGHT and step["next_state"] in _AT_REST
+    leaves = step["state"] not in AT_REST and step["next_state"] in AT_REST
     return leaves or (step["next_state"] == "landing" and step["state"] != "landing")
 
 

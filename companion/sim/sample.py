@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from companion.errors import CompanionError
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
-from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario
+from companion.sim.scenario import Scenario, bare_robot
 from companion.sim.scenes import set_in
 from companion.sim.trajectory import Array, Trajectory
 from csi_bridge.encoder import encode_body, encode_file_record
@@ -70,26 +69,13 @@ def _world(seed: int) -> Scenario:
     rng = np.random.default_rng([seed, 11])
     base = Scenario(
         seed=seed,
-        uav=_robot("uav", RX_MAC, float(rng.uniform(-2, 2)), 0.0),
-        beacon=_robot("beacon", TX_MAC, float(rng.uniform(-2, 2)), 0.4),
+        uav=bare_robot("uav", RX_MAC, float(rng.uniform(-2, 2)), 0.0),
+        beacon=bare_robot("beacon", TX_MAC, float(rng.uniform(-2, 2)), 0.4),
         truth_in="none",
         truth_out="none",
         beacon_azimuth_rad=float(rng.uniform(-math.pi, math.pi)),
     )
-    return replace(set_in(base, "hall"), start_distance_m=_DISTANCE_M)
-
-
-def _robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
-    points = ((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0))
-    return RobotScenario(
-        mac=mac,
-        csi=CsiEndpoint("unix", path=name),
-        pose_socket=name,
-        antennas_m=points,
-        antenna_gain_db=(0.0, -22.0, -24.0),
-        oscillator_ppm=oscillator_ppm,
-        clock_offset_s=clock_offset_s,
-    )
+    return set_in(base, "hall")
 
 
 def _flown() -> Trajectory:

@@ -122,6 +122,20 @@ class RobotScenario:
     """Turn, counter-clockwise, from the tracker's own axes to true East and North."""
 
 
+def bare_robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
+    """One with its antennas on the tracked point and 6 cm beside it, of which one hears; for worlds that open no
+    socket."""
+    return RobotScenario(
+        mac=mac,
+        csi=CsiEndpoint("unix", path=name),
+        pose_socket=name,
+        antennas_m=((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0)),
+        antenna_gain_db=(0.0, -22.0, -24.0),
+        oscillator_ppm=oscillator_ppm,
+        clock_offset_s=clock_offset_s,
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """The whole simulated world. The flying robot starts on the ground at the origin, the beacon stands around it."""

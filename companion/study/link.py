@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numpy.random import SeedSequence
 
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
-from companion.sim.scenario import CsiEndpoint, RadioScenario, RobotScenario, Scenario
+from companion.sim.scenario import RadioScenario, Scenario, bare_robot
 from companion.sim.scenes import hall
 from companion.sim.trajectory import Trajectory
 from csi_bridge.records import CsiRecord
@@ -73,22 +73,10 @@ def scenario(seed: SeedSequence, radio: RadioScenario) -> Scenario:
     rng = np.random.default_rng(seed.spawn(1)[0])
     ppm = rng.uniform(-2.0, 2.0, 2)
 
-    def robot(name: str, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
-        points = ((0.0, 0.0, 0.0), (0.0, 0.06, 0.0), (0.0, -0.06, 0.0))
-        return RobotScenario(
-            mac=mac,
-            csi=CsiEndpoint("unix", path=name),
-            pose_socket=name,
-            antennas_m=points,
-            antenna_gain_db=(0.0, -22.0, -24.0),
-            oscillator_ppm=oscillator_ppm,
-            clock_offset_s=clock_offset_s,
-        )
-
     return Scenario(
         seed=int(seed.generate_state(1)[0]),
-        uav=robot("uav", "00:21:6A:00:00:01", float(ppm[0]), 0.0),
-        beacon=robot("beacon", "00:21:6A:00:00:02", float(ppm[1]), CLOCK_OFFSET_S),
+        uav=bare_robot("uav", "00:21:6A:00:00:01", float(ppm[0]), 0.0),
+        beacon=bare_robot("beacon", "00:21:6A:00:00:02", float(ppm[1]), CLOCK_OFFSET_S),
         truth_in="none",
         truth_out="none",
         radio=radio,

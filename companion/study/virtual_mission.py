@@ -21,10 +21,9 @@ from companion.config.schema import AutopilotConfig, Config, CsiConfig, MissionC
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Vector3
-from companion.flight.course import AT_REST
 from companion.flight.loop import Flight
 from companion.guidance.tracker import Target
-from companion.mission.table import State
+from companion.mission.table import AT_REST, State
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import NeighbourSender
@@ -238,8 +237,7 @@ class _World:
         self._iterations.append((iteration, None if self._target is before else self._target))
 
     def _is_over(self, now_ns: int) -> bool:
-        has_begun = now_ns > _START_NS + _ENGAGING_NS or self.flight.state not in AT_REST
-        self._begun |= has_begun
+        self._begun |= now_ns > _START_NS + _ENGAGING_NS or self.flight.state not in AT_REST
         over = self._crashed or (self._begun and self.flight.state in _OVER)
         if (over or now_ns >= self._end_ns) and self._step_s > self._batch_s:
             self._note_truth(self._step_s, *self._trajectories(self._batch_s, self._step_s))

@@ -25,7 +25,7 @@ from companion.sim.px4.commander import Mode
 from companion.study.virtual_parts import BEACON_ID
 from tests.faults.missions.reality import Reality, RealSenses
 from tests.faults.missions.scenario import MOST_S, Fault, Scenario
-from tests.faults.missions.target import DrawnSenses
+from tests.faults.missions.target import DrawnSenses, NoPoses
 from tests.faults.missions.timeless import MissionClock, MissionLoop
 from tests.faults.missions.trace import (
     LINK_FAULTS,
@@ -73,16 +73,6 @@ def fly(scenario: Scenario, is_real: bool = False) -> Trace:
         logging.getLogger("companion").setLevel(logging.NOTSET)
 
 
-class _Poses:
-    received = malformed = resets = 0
-
-    def align(self, north_yaw_rad: float) -> None: ...
-
-    async def run(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
 class Service:
     """One start of the companion: the parts that `companion.roles` would build, as they are."""
 
@@ -96,7 +86,7 @@ class Service:
         self.senses = senses = DrawnSenses(world) if world.reality is None else RealSenses(world)
         self.link = VehicleLink(world.vehicle, self.note_sent)
         self.edge = edge_on(world.vehicle, self.link)
-        self.intake = PoseIntake(scenario.config.pose, clock, _Poses(), senses.on_pose)
+        self.intake = PoseIntake(scenario.config.pose, clock, NoPoses(), senses.on_pose)
         event_clock = EventClock(clock)
         self.sar = SarIterations(
             window=cast(Any, senses.window), worker=senses.worker, neighbours=senses.neighbours,

@@ -96,6 +96,18 @@ class DrawnWindow:
         )  # fmt: skip
 
 
+class NoPoses:
+    """A source of poses that gives none by itself: they are drawn."""
+
+    received = malformed = resets = 0
+
+    def align(self, north_yaw_rad: float) -> None: ...
+
+    async def run(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
 class DrawnSenses:
     """What one start of the service has in place of window, worker, poses and the receiver of datagrams."""
 

@@ -13,27 +13,16 @@ from companion.autopilot import px4_modes
 from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.telemetry import Telemetry, is_healthy, parameter_field
 from companion.core.messages import FlightMode, Pose
-
-_HEARTBEAT = {"custom_mode": 6 << 16, "base_mode": 129, "system_status": 4, "autopilot": 12, "type": 2}
-_POSITION: dict[str, Any] = {"x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": -0.3, "time_boot_ms": 57_000}
-
-
-class _Bench:
-    def __init__(self) -> None:
-        self.now_ns = 1000
-        self.telemetry = Telemetry(lambda: self.now_ns)
-
-    def take(self, name: str, fields: object, component_id: int = 1) -> None:
-        self.telemetry.take(name, component_id, json.dumps(fields))
+from tests.unit.companion.autopilot.telemetry_bench import HEARTBEAT, POSITION, TelemetryBench
 
 
 @pytest.fixture
-def bench() -> _Bench:
-    return _Bench()
+def bench() -> TelemetryBench:
+    return TelemetryBench()
 
 
-def test_position_turns_from_ned_to_enu(bench: _Bench) -> None:
-    bench.take("LOCAL_POSITION_NED", _POSITION)
+def test_position_turns_from_ned_to_enu(bench: TelemetryBench) -> None:
+    bench.take("LOCAL_POSITION_NED", POSITION)
     state = bench.telemetry.state()
     assert state.p_local_enu_m == (2.0, 1.0, 3.0)
     assert state.v_local_enu_m_s == (0.2, 0.1, 0.3)
@@ -41,8 +30,8 @@ def test_position_turns_from_ned_to_enu(bench: _Bench) -> None:
     assert bench.telemetry.state().yaw_enu_rad == pytest.approx(math.radians(60))
 
 
-def test_ages_are_those_of_arrival(bench: _Bench) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT)
+def test_ages_are_those_of_arrival(bench: TelemetryBench) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT)
     bench.now_ns = 2000
     bench.take("CURRENT_MODE", {"custom_mode": 3 << 16})
     bench.now_ns = 9000
@@ -51,8 +40,8 @@ def test_ages_are_those_of_arrival(bench: _Bench) -> None:
     assert state.mode is FlightMode.MANUAL and state.armed and not state.failsafe
 
 
-def test_failsafe_landed_state_and_battery(bench: _Bench) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT | {"system_status": 5, "base_mode": 1})
+def test_failsafe_landed_state_and_battery(bench: TelemetryBench) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT | {"system_status": 5, "base_mode": 1})
     assert bench.telemetry.state().failsafe and not bench.telemetry.state().armed
     for landed_state, in_air in [(0, False), (1, False), (2, True), (3, True), (4, True)]:
         bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
@@ -63,16 +52,16 @@ def test_failsafe_landed_state_and_battery(bench: _Bench) -> None:
     assert bench.telemetry.state().battery_remaining is None
 
 
-def test_other_components_of_the_vehicle_are_not_the_autopilot(bench: _Bench) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT, component_id=100)
+def test_other_components_of_the_vehicle_are_not_the_autopilot(bench: TelemetryBench) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT, component_id=100)
     assert bench.telemetry.state().heartbeat_mono_ns is None
 
 
 @pytest.mark.parametrize(
     ("name", "fields"),
     [
-        ("LOCAL_POSITION_NED", _POSITION | {"x": None}),
-        ("LOCAL_POSITION_NED", _POSITION | {"vz": "fast"}),
+        ("LOCAL_POSITION_NED", POSITION | {"x": None}),
+        ("LOCAL_POSITION_NED", POSITION | {"vz": "fast"}),
         ("LOCAL_POSITION_NED", {"x": 1.0}),
         ("LOCAL_POSITION_NED", [1, 2, 3]),
         ("ATTITUDE", {"yaw": math.inf}),
@@ -80,8 +69,8 @@ def test_other_components_of_the_vehicle_are_not_the_autopilot(bench: _Bench) ->
         ("NO_SUCH", {}),
     ],
 )
-def test_what_does_not_fit_is_counted_and_changes_nothing(bench: _Bench, name: str, fields: object) -> None:
-    bench.take("LOCAL_POSITION_NED", _POSITION)
+def test_what_does_not_fit_is_counted_and_changes_nothing(bench: TelemetryBench, name: str, fields: object) -> None:
+    bench.take("LOCAL_POSITION_NED", POSITION)
     before = bench.telemetry.state()
     bench.now_ns = 5000
     bench.take(name, fields)
@@ -92,7 +81,7 @@ def test_what_does_not_fit_is_counted_and_changes_nothing(bench: _Bench, name: s
     assert bench.telemetry.malformed == 2
 
 
-def test_parameters_in_both_types_and_answers_to_commands(bench: _Bench) -> None:
+def test_parameters_in_both_types_and_answers_to_commands(bench: TelemetryBench) -> None:
     five = struct.unpack("<f", struct.pack("<i", 5))[0]
     bench.take("PARAM_VALUE", {"param_id": "COM_OBL_RC_ACT", "param_value": five, "param_type": 6})
     bench.take("PARAM_VALUE", {"param_id": "COM_OF_LOSS_T\0", "param_value": 1.5, "param_type": 9})
@@ -121,7 +110,7 @@ def test_what_px4_says_of_its_estimator(flags: int, at_rest: bool, in_air: bool)
     assert (is_healthy(flags, in_air=False), is_healthy(flags, in_air=True)) == (at_rest, in_air)
 
 
-def test_modes_intended_and_flown(bench: _Bench) -> None:
+def test_modes_intended_and_flown(bench: TelemetryBench) -> None:
     bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24, "intended_custom_mode": 6 << 16})
     assert (bench.telemetry.state().mode, bench.telemetry.state().intended_mode) == (
         FlightMode.HOLD,
@@ -131,11 +120,11 @@ def test_modes_intended_and_flown(bench: _Bench) -> None:
     assert bench.telemetry.state().intended_mode is None
 
 
-def test_what_the_vehicle_is(bench: _Bench) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT)
+def test_what_the_vehicle_is(bench: TelemetryBench) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT)
     bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 0x011001FF})
     assert (bench.telemetry.state().autopilot, bench.telemetry.state().firmware) == ("px4", "1.16.1")
-    bench.take("HEARTBEAT", _HEARTBEAT | {"autopilot": 3})
+    bench.take("HEARTBEAT", HEARTBEAT | {"autopilot": 3})
     assert bench.telemetry.state().autopilot == "ardupilot"
 
 
@@ -147,12 +136,12 @@ def test_what_the_vehicle_is(bench: _Bench) -> None:
         (0, "px4 on a vehicle of MAV_TYPE 0"), (26, "px4 on a vehicle of MAV_TYPE 26"),
     ],
 )  # fmt: skip
-def test_what_else_px4_flies_is_named(bench: _Bench, kind: int, said: str) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT | {"type": kind})
+def test_what_else_px4_flies_is_named(bench: TelemetryBench, kind: int, said: str) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT | {"type": kind})
     assert bench.telemetry.state().autopilot == said
 
 
-def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: _Bench) -> None:
+def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: TelemetryBench) -> None:
     assert bench.telemetry.state().landed_unknown
     for landed_state, unknown in [(1, False), (0, True), (2, False), (5, True), (4, False)]:
         bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
@@ -162,76 +151,12 @@ def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: _Bench) -> 
 @pytest.mark.parametrize(
     ("percent", "remaining"), [(0, 0.0), (100, 1.0), (101, None), (127, None), (-1, None), (-2, None)]
 )
-def test_more_than_full_is_not_known(bench: _Bench, percent: int, remaining: float | None) -> None:
+def test_more_than_full_is_not_known(bench: TelemetryBench, percent: int, remaining: float | None) -> None:
     bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": percent})
     assert bench.telemetry.state().battery_remaining == remaining
 
 
-def _stamped(bench: _Bench, vehicle_ms: int, ours_s: float) -> None:
-    """A position that left at `vehicle_ms` of the vehicle's clock and arrives at `ours_s` of ours."""
-    bench.now_ns = round(ours_s * 1e9)
-    bench.take("LOCAL_POSITION_NED", _POSITION | {"time_boot_ms": vehicle_ms})
-
-
-@pytest.mark.parametrize("name", ["LOCAL_POSITION_NED", "ATTITUDE"])
-def test_its_clock_is_known_by_the_milliseconds_of_its_messages(bench: _Bench, name: str) -> None:
-    assert bench.telemetry.vehicle_ns(10_000_000_000) is None and bench.telemetry.state().clock_offset_ns is None
-    for step in range(10):
-        bench.now_ns = 10_000_000_000 + step * 20_000_000
-        bench.take(name, _POSITION | {"yaw": 0.0, "time_boot_ms": 57_000 + 20 * step})
-    assert bench.telemetry.state().clock_offset_ns == 47_000_000_000
-    assert bench.telemetry.vehicle_ns(11_000_000_000) == 58_000_000_000
-    assert bench.telemetry.state().boot_ms == 57_180
-
-
-def test_its_questions_for_our_time_tell_its_own(bench: _Bench) -> None:
-    asked: list[int] = []
-    telemetry = Telemetry(lambda: bench.now_ns, on_time_question=asked.append)
-    for step in range(10):
-        bench.now_ns = 10_000_000_000 + step * 100_000_000
-        telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 0, "ts1": 57_000_000_123 + step * 100_000_000}))
-    assert asked[0] == 57_000_000_123 and len(asked) == 10
-    assert telemetry.state().clock_offset_ns == 47_000_000_123
-    assert telemetry.state().timesync_mono_ns == bench.now_ns
-    bench.now_ns += 1_000_000
-    telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 1, "ts1": 5}))
-    assert len(asked) == 10 and telemetry.state().timesync_mono_ns == bench.now_ns - 1_000_000, "an answer is none"
-
-
-def test_a_restart_is_told_and_what_was_known_is_forgotten(bench: _Bench) -> None:
-    bench.now_ns = 1_000_000_000
-    bench.telemetry.identify(7)
-    bench.take("HEARTBEAT", _HEARTBEAT)
-    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": 42})
-    bench.take("PARAM_VALUE", {"param_id": "A", "param_value": 1.5, "param_type": 9})
-    bench.take("COMMAND_ACK", {"command": 176, "result": 0})
-    for boots in (1, 2, 3):
-        _stamped(bench, 57_000, 2.0 * boots)
-        assert bench.telemetry.take_events() == []
-        _stamped(bench, 1_400, 2.0 * boots + 1.0)
-        state = bench.telemetry.state()
-        assert state.boots == boots and state.boot_ms == 1_400
-        (event,) = bench.telemetry.take_events()
-        assert event.text == "the autopilot has restarted: its clock is at 1.4 s again" and event.severity == 4
-        assert event.t_mono_ns == bench.now_ns
-    assert (state.system_id, state.autopilot, state.heartbeat_mono_ns) == (7, "px4", 1_000_000_000)
-    assert state.mode is None and not state.armed and state.battery_remaining is None
-    assert bench.telemetry.parameters == {} and bench.telemetry.acknowledgements == {}
-
-
-def test_a_pause_of_ours_is_told_and_nothing_is_forgotten(bench: _Bench) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT)
-    for step in range(30):
-        _stamped(bench, 57_000 + 100 * step, 10.0 + 0.1 * step)
-    assert bench.telemetry.take_events() == []
-    _stamped(bench, 57_000 + 3_000 + 2_600, 13.0)
-    (event,) = bench.telemetry.take_events()
-    assert event.text == "our clock stood still: the autopilot's went on by 2.6 s" and event.severity == 4
-    state = bench.telemetry.state()
-    assert state.stood_still_ns == 2_600_000_000 and state.boots == 0 and state.mode is FlightMode.OFFBOARD
-
-
-def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: _Bench) -> None:
+def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: TelemetryBench) -> None:
     bench.take("STATUSTEXT", {"severity": 3, "text": "Low battery\0\0"})
     bench.now_ns = 2000
     bench.take("EVENT", {"id": 77, "log_levels": 0x54})
@@ -247,7 +172,7 @@ def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: _Bench) -
     assert bench.telemetry.take_events() == []
 
 
-def test_arming_checks_are_of_one_boot_and_need_no_arguments_of_an_event(bench: _Bench) -> None:
+def test_arming_checks_are_of_one_boot_and_need_no_arguments_of_an_event(bench: TelemetryBench) -> None:
     masks = {"onboard_control_sensors_present": 0, "onboard_control_sensors_enabled": 0}
     assert bench.telemetry.state().can_arm is False, "nothing is known"
     bench.take("SYS_STATUS", masks | {"onboard_control_sensors_health": 1 << 28})
@@ -271,7 +196,7 @@ def test_arming_checks_are_of_one_boot_and_need_no_arguments_of_an_event(bench: 
     assert bench.telemetry.state().arming_reasons == ("it tells nothing of them (SYS_STATUS)",)
 
 
-def test_rc_channels_are_as_many_as_it_says_and_no_more_than_there_are(bench: _Bench) -> None:
+def test_rc_channels_are_as_many_as_it_says_and_no_more_than_there_are(bench: TelemetryBench) -> None:
     channels = {f"chan{number}_raw": 1000 + number for number in range(1, 19)}
     for count, told in ((0, 0), (1, 1), (16, 16), (18, 18), (40, 18)):
         bench.now_ns += 1
@@ -284,7 +209,7 @@ def test_rc_channels_are_as_many_as_it_says_and_no_more_than_there_are(bench: _B
 @pytest.mark.parametrize(
     ("flags", "is_global"), [(16, True), (1023, True), (495, False), (15, False), (32, False), (0, False)]
 )
-def test_a_global_position_is_one_bit(bench: _Bench, flags: int, is_global: bool) -> None:
+def test_a_global_position_is_one_bit(bench: TelemetryBench, flags: int, is_global: bool) -> None:
     bench.take("ESTIMATOR_STATUS", {"flags": flags})
     assert bench.telemetry.state().position_is_global is is_global
     assert bench.telemetry.state().estimator_mono_ns == 1000
@@ -312,37 +237,37 @@ def test_a_position_that_something_measures(flags: int, healthy: bool) -> None:
 
 
 @pytest.mark.parametrize(("status", "failsafe"), [(3, False), (4, False), (5, True), (6, False), (8, False)])
-def test_a_failsafe_is_a_state_of_its_own(bench: _Bench, status: int, failsafe: bool) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT | {"system_status": status})
+def test_a_failsafe_is_a_state_of_its_own(bench: TelemetryBench, status: int, failsafe: bool) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT | {"system_status": status})
     assert bench.telemetry.state().failsafe is failsafe
 
 
 @pytest.mark.parametrize(("base_mode", "armed"), [(128, True), (127, False), (256, False), (384, True), (0, False)])
-def test_armed_is_one_bit(bench: _Bench, base_mode: int, armed: bool) -> None:
-    bench.take("HEARTBEAT", _HEARTBEAT | {"base_mode": base_mode})
+def test_armed_is_one_bit(bench: TelemetryBench, base_mode: int, armed: bool) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT | {"base_mode": base_mode})
     assert bench.telemetry.state().armed is armed
 
 
 @pytest.mark.parametrize(("percent", "remaining"), [(0, 0.0), (1, 0.01), (100, 1.0), (-1, None)])
-def test_an_empty_battery_is_known_to_be_empty(bench: _Bench, percent: int, remaining: float | None) -> None:
+def test_an_empty_battery_is_known_to_be_empty(bench: TelemetryBench, percent: int, remaining: float | None) -> None:
     bench.take("BATTERY_STATUS", {"id": 3, "battery_remaining": percent})
     assert bench.telemetry.state().battery_remaining == remaining
     assert bench.telemetry.state().batteries_unknown == (() if remaining is not None else (3,))
 
 
-def test_answers_are_counted_and_components_of_any_number_are_no_autopilot(bench: _Bench) -> None:
+def test_answers_are_counted_and_components_of_any_number_are_no_autopilot(bench: TelemetryBench) -> None:
     for _ in range(3):
         bench.take("COMMAND_ACK", {"command": 511, "result": 0})
     assert bench.telemetry.acknowledged[511] == 3
     for component in (0, 2, 100, 300):
-        bench.take("HEARTBEAT", _HEARTBEAT, component)
+        bench.take("HEARTBEAT", HEARTBEAT, component)
     assert bench.telemetry.state().heartbeat_mono_ns is None
     bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24})
     assert bench.telemetry.state().intended_mode is None, "an older one does not tell it"
 
 
 @pytest.mark.parametrize("value", [0, 1, 257, 2**31 - 1, -(2**31), -7])
-def test_an_integer_parameter_goes_and_comes_in_four_bytes(bench: _Bench, value: int) -> None:
+def test_an_integer_parameter_goes_and_comes_in_four_bytes(bench: TelemetryBench, value: int) -> None:
     field = parameter_field(value)
     if math.isnan(field):
         return  # the library cannot carry it: PARAM_VALUE is then null
@@ -352,7 +277,7 @@ def test_an_integer_parameter_goes_and_comes_in_four_bytes(bench: _Bench, value:
     assert parameter_field(1.5) == 1.5
 
 
-def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -> None:
+def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: TelemetryBench) -> None:
     poses: list[Pose] = []
     telemetry = Telemetry(lambda: bench.now_ns, on_odometry=poses.append)
     odometry = {
@@ -369,7 +294,7 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: _Bench) -
     assert state.resets == 1 and state.p_reset_enu_m == pytest.approx((0.0, 2.0, 0.0))
 
 
-def test_what_is_subscribed_to_is_what_is_understood(bench: _Bench) -> None:
+def test_what_is_subscribed_to_is_what_is_understood(bench: TelemetryBench) -> None:
     names = bench.telemetry.message_names
     assert "HEARTBEAT" in names and len(set(names)) == len(names) == 16
 
@@ -387,14 +312,14 @@ def test_px4_modes_as_they_are_asked_for_and_told() -> None:
     assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER
 
 
-def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_either(bench: _Bench) -> None:
+def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_either(bench: TelemetryBench) -> None:
     masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
     bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 1 << 24 | 13 << 16})
     bench.take("SYS_STATUS", masks)
     assert bench.telemetry.state().can_arm is None and bench.telemetry.state().arming_reasons == ()
 
 
-def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Bench) -> None:
+def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: TelemetryBench) -> None:
     masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
     bench.take("SYS_STATUS", masks)
     for number, arguments in ((27825120, []), (20390844, [0, 0, 0, 128, 7]), (25005055, [0, 0, 0, 0, 255])):
@@ -402,7 +327,7 @@ def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: _Benc
     assert bench.telemetry.state().arming_reasons == ("estimator high accel bias",)
 
 
-def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _Bench) -> None:
+def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: TelemetryBench) -> None:
     bench.take("ESTIMATOR_STATUS", {"flags": 1023})
     assert bench.telemetry.state().estimator_healthy
 
@@ -421,25 +346,8 @@ def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: _
         ("CURRENT_MODE", None),
     ],
 )
-def test_whatever_arrives_is_counted_and_nothing_raises(bench: _Bench, name: str, fields: Any) -> None:
+def test_whatever_arrives_is_counted_and_nothing_raises(bench: TelemetryBench, name: str, fields: Any) -> None:
     before = bench.telemetry.state()
     bench.telemetry.take(name, 1, json.dumps(fields))
     assert bench.telemetry.malformed == 1
     assert bench.telemetry.state() == before
-
-
-def test_two_vehicles_of_one_system_id_are_known_by_their_clocks(bench: _Bench) -> None:
-    for n in range(100):
-        _stamped(bench, 100_000 + 20 * n + (60_000 if n % 2 else 0), 50.0 + 0.02 * n)
-    assert bench.telemetry.state().are_two
-    texts = [event.text for event in bench.telemetry.take_events()]
-    assert texts.count("two vehicles of one system id: their clocks alternate") == 1
-    assert len(texts) == 5  # four restarts came before it
-    bench.now_ns += 5_000_000_000
-    assert not bench.telemetry.state().are_two
-
-
-def test_a_vehicle_that_restarts_twice_is_one(bench: _Bench) -> None:
-    for at_s, vehicle_ms in [(1.0, 60_000), (2.0, 500), (3.0, 1500), (4.0, 100), (5.0, 1100)]:
-        _stamped(bench, vehicle_ms, at_s)
-    assert not bench.telemetry.state().are_two and bench.telemetry.state().boots == 2

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import random
 
 import pytest
 
+from companion.autopilot.telemetry import Telemetry
 from companion.autopilot.vehicle_clock import Turn, VehicleClock
 from companion.core.clock import NS_PER_S
+from companion.core.messages import FlightMode
+from tests.unit.companion.autopilot.telemetry_bench import HEARTBEAT, POSITION, TelemetryBench
 
 _NOW_NS, _OWN_NS, _MS = 6844 * NS_PER_S, 57 * NS_PER_S, 1_000_000
 
@@ -97,3 +101,89 @@ def test_a_later_message_counts_unless_it_was_delayed_by_more_than_the_clocks_ma
             clock.told(_OWN_NS, first_ns)
         clock.told(_OWN_NS + NS_PER_S - delay_ns, first_ns + NS_PER_S)
         assert clock.offset_ns == _OWN_NS - first_ns - (delay_ns if counts else 0)
+
+
+@pytest.fixture
+def bench() -> TelemetryBench:
+    return TelemetryBench()
+
+
+def _stamped(bench: TelemetryBench, vehicle_ms: int, ours_s: float) -> None:
+    """A position that left at `vehicle_ms` of the vehicle's clock and arrives at `ours_s` of ours."""
+    bench.now_ns = round(ours_s * 1e9)
+    bench.take("LOCAL_POSITION_NED", POSITION | {"time_boot_ms": vehicle_ms})
+
+
+@pytest.mark.parametrize("name", ["LOCAL_POSITION_NED", "ATTITUDE"])
+def test_its_clock_is_known_by_the_milliseconds_of_its_messages(bench: TelemetryBench, name: str) -> None:
+    assert bench.telemetry.vehicle_ns(10_000_000_000) is None and bench.telemetry.state().clock_offset_ns is None
+    for step in range(10):
+        bench.now_ns = 10_000_000_000 + step * 20_000_000
+        bench.take(name, POSITION | {"yaw": 0.0, "time_boot_ms": 57_000 + 20 * step})
+    assert bench.telemetry.state().clock_offset_ns == 47_000_000_000
+    assert bench.telemetry.vehicle_ns(11_000_000_000) == 58_000_000_000
+    assert bench.telemetry.state().boot_ms == 57_180
+
+
+def test_its_questions_for_our_time_tell_its_own(bench: TelemetryBench) -> None:
+    asked: list[int] = []
+    telemetry = Telemetry(lambda: bench.now_ns, on_time_question=asked.append)
+    for step in range(10):
+        bench.now_ns = 10_000_000_000 + step * 100_000_000
+        telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 0, "ts1": 57_000_000_123 + step * 100_000_000}))
+    assert asked[0] == 57_000_000_123 and len(asked) == 10
+    assert telemetry.state().clock_offset_ns == 47_000_000_123
+    assert telemetry.state().timesync_mono_ns == bench.now_ns
+    bench.now_ns += 1_000_000
+    telemetry.take("TIMESYNC", 1, json.dumps({"tc1": 1, "ts1": 5}))
+    assert len(asked) == 10 and telemetry.state().timesync_mono_ns == bench.now_ns - 1_000_000, "an answer is none"
+
+
+def test_a_restart_is_told_and_what_was_known_is_forgotten(bench: TelemetryBench) -> None:
+    bench.now_ns = 1_000_000_000
+    bench.telemetry.identify(7)
+    bench.take("HEARTBEAT", HEARTBEAT)
+    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": 42})
+    bench.take("PARAM_VALUE", {"param_id": "A", "param_value": 1.5, "param_type": 9})
+    bench.take("COMMAND_ACK", {"command": 176, "result": 0})
+    for boots in (1, 2, 3):
+        _stamped(bench, 57_000, 2.0 * boots)
+        assert bench.telemetry.take_events() == []
+        _stamped(bench, 1_400, 2.0 * boots + 1.0)
+        state = bench.telemetry.state()
+        assert state.boots == boots and state.boot_ms == 1_400
+        (event,) = bench.telemetry.take_events()
+        assert event.text == "the autopilot has restarted: its clock is at 1.4 s again" and event.severity == 4
+        assert event.t_mono_ns == bench.now_ns
+    assert (state.system_id, state.autopilot, state.heartbeat_mono_ns) == (7, "px4", 1_000_000_000)
+    assert state.mode is None and not state.armed and state.battery_remaining is None
+    assert bench.telemetry.parameters == {} and bench.telemetry.acknowledgements == {}
+
+
+def test_a_pause_of_ours_is_told_and_nothing_is_forgotten(bench: TelemetryBench) -> None:
+    bench.take("HEARTBEAT", HEARTBEAT)
+    for step in range(30):
+        _stamped(bench, 57_000 + 100 * step, 10.0 + 0.1 * step)
+    assert bench.telemetry.take_events() == []
+    _stamped(bench, 57_000 + 3_000 + 2_600, 13.0)
+    (event,) = bench.telemetry.take_events()
+    assert event.text == "our clock stood still: the autopilot's went on by 2.6 s" and event.severity == 4
+    state = bench.telemetry.state()
+    assert state.stood_still_ns == 2_600_000_000 and state.boots == 0 and state.mode is FlightMode.OFFBOARD
+
+
+def test_two_vehicles_of_one_system_id_are_known_by_their_clocks(bench: TelemetryBench) -> None:
+    for n in range(100):
+        _stamped(bench, 100_000 + 20 * n + (60_000 if n % 2 else 0), 50.0 + 0.02 * n)
+    assert bench.telemetry.state().are_two
+    texts = [event.text for event in bench.telemetry.take_events()]
+    assert texts.count("two vehicles of one system id: their clocks alternate") == 1
+    assert len(texts) == 5  # four restarts came before it
+    bench.now_ns += 5_000_000_000
+    assert not bench.telemetry.state().are_two
+
+
+def test_a_vehicle_that_restarts_twice_is_one(bench: TelemetryBench) -> None:
+    for at_s, vehicle_ms in [(1.0, 60_000), (2.0, 500), (3.0, 1500), (4.0, 100), (5.0, 1100)]:
+        _stamped(bench, vehicle_ms, at_s)
+    assert not bench.telemetry.state().are_two and bench.telemetry.state().boots == 2
