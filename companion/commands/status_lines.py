@@ -59,9 +59,12 @@ def target_words(target: Values | None) -> str:
     range_m, std_m = target["range_m"], target["range_std_m"]
     known = "" if std_m is not None and std_m <= _HARDLY_KNOWN * range_m else ", its range hardly known"
     deviation = "" if std_m is None else f" ± {std_m:.1f} m"
+    nearest_m, farthest_m = target["range_90_m"]
     others = target["rivals"]
     rivals = f", {others} other place{'s' if others > 1 else ''} possible" if others else ""
-    return f"{range_m:.1f} m{deviation} away{known}; {100 * target['probability']:.0f} % sure of this place{rivals}"
+    held = f"{nearest_m:.0f} to {farthest_m:.0f} m with 90 %"
+    sure = f"{100 * target['probability']:.0f} % sure of this place"
+    return f"{range_m:.1f} m{deviation} away{known} ({held}); {sure}{rivals}"
 
 
 def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import Final
 
 from companion.core.inputs import Event
 from companion.core.messages import Setpoint
-from companion.guidance.tracker import Target, TargetReport
+from companion.guidance.target import Target, TargetReport
 from companion.mission.table import Action, State
 from companion.sensing.records import Bearing, Iteration
 

@@ -9,7 +9,7 @@ from companion.core.clock import age_s
 from companion.core.messages import VehicleState
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
-from companion.guidance.tracker import Target
+from companion.guidance.target import Target
 from companion.sensing.records import Iteration
 
 
@@ -63,6 +63,7 @@ def _target(target: Target) -> dict[str, Any]:
     return {
         "range_m": _finite(target.range_m),
         "range_std_m": _finite(target.range_std_m),
+        "range_90_m": list(target.whole.range_90_m),
         "azimuth_deg": math.degrees(target.azimuth_rad),
         "probability": target.probability,
         "rivals": len(target.rivals),

@@ -24,6 +24,10 @@ _LEAST_CIRCLE_M: Final = 0.8
 azimuth."""
 _SURE_WEAVE: Final = 0.3
 """The share of the weave that is left while the direction is sure."""
+_NEAR_WEAVE: Final = 0.7
+"""What is left from near: there a range must show, which takes an aperture that is deep in all directions."""
+_NEAR_M: Final = (6.0, 3.0)
+"""From afar to near."""
 _WEAVE_GAIN: Final = 1.3
 """The motion's filter takes this off the weave."""
 
@@ -83,7 +87,7 @@ class Approach:
 
     def _wished(self, aim: Aim | None) -> Vector3:
         mission = self._mission
-        share = 1.0 if aim is None else 1.0 - (1.0 - _SURE_WEAVE) * aim.sureness
+        share = 1.0 if aim is None else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
         across, up = self._weave(share)
         forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
         if aim is None:
@@ -116,6 +120,11 @@ class Approach:
         most = _YAW_RATE_RAD_S * min(elapsed_s, _LONGEST_TICK_S)
         error = math.remainder(azimuth_rad - self._yaw_rad, math.tau)
         self._yaw_rad = math.remainder(self._yaw_rad + max(-most, min(most, error)), math.tau)
+
+
+def _near_weave(aim: Aim) -> float:
+    far_m, near_m = _NEAR_M
+    return _NEAR_WEAVE * max(0.0, min(1.0, (far_m - aim.distance_m) / (far_m - near_m)))
 
 
 def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:

@@ -16,9 +16,9 @@ from companion.sensing.records import Bearing
 
 Floats = npt.NDArray[np.floating[Any]]
 
-_ACROSS_FLOOR_RAD: Final = math.radians(6.0)
+_ACROSS_FLOOR_RAD: Final = math.radians(4.5)
 """Pose drift, and reflections that are not told apart: no bound on noise knows them."""
-_DOWN_FLOOR_RAD: Final = math.radians(12.0)
+_DOWN_FLOOR_RAD: Final = math.radians(9.0)
 """Floor and ceiling mirror a source above and below itself: elevation is wrong more often, and by more."""
 _REPORTED: Final = (0.45, 0.4)
 """Probability that the reported path is the direct one: at reliability 0, and what reliability 1 adds."""

@@ -14,9 +14,11 @@ _RADIAL_PER_S: Final = 0.9
 _HEIGHT_PER_S: Final = 0.5
 _FENCE_MARGIN_M: Final = 0.6
 _FENCE_PER_S: Final = 0.5
-_LEAD_RAD: Final = math.radians(15.0)
-"""How far beside the target the vehicle flies while its range is not known at all: bearings from one line of flight do
-not cross."""
+_LEAD_RAD: Final = (math.radians(15.0), math.radians(35.0))
+"""How far beside the target the vehicle flies while its range is not known at all, from afar and from near: bearings
+from one line of flight do not cross. From near the way round costs little and turns the bearing fast."""
+_LEAD_M: Final = (7.0, 3.5)
+"""What is afar and near here."""
 _VAGUE: Final = 0.5
 """A range of this relative deviation, or more, is not known at all."""
 _SEARCH_RADIUS_M: Final = 0.6
@@ -42,7 +44,9 @@ def towards(aim: Aim, speed_m_s: float, circle_m: float, side: int) -> tuple[flo
     inwards = max(-speed_m_s, min(speed_m_s, _RADIAL_PER_S * (aim.distance_m - circle_m)))
     known = math.isfinite(aim.distance_m)
     vague = min(1.0, aim.distance_std_m / max(aim.distance_m, 0.1) / _VAGUE) if known else 1.0
-    inwards = min(inwards, speed_m_s * math.cos(vague * _LEAD_RAD))
+    nearness = (_LEAD_M[0] - aim.distance_m) / (_LEAD_M[0] - _LEAD_M[1]) if known else 0.0
+    lead_rad = _LEAD_RAD[0] + (_LEAD_RAD[1] - _LEAD_RAD[0]) * max(0.0, min(1.0, nearness))
+    inwards = min(inwards, speed_m_s * math.cos(vague * lead_rad))
     around = side * math.sqrt(max(0.0, speed_m_s**2 - inwards**2))
     c, s = math.cos(aim.azimuth_rad), math.sin(aim.azimuth_rad)
     return inwards * c - around * s, inwards * s + around * c

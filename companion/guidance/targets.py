@@ -11,7 +11,8 @@ import numpy as np
 from companion.core.messages import Vector3
 from companion.guidance.reach import Reach
 from companion.guidance.steering import Aim
-from companion.guidance.tracker import Target, TargetTracker
+from companion.guidance.target import Target
+from companion.guidance.tracker import TargetTracker
 from companion.neighbours.neighbour import Neighbour
 from companion.safety.gate import GateLimits
 from companion.sensing.records import Bearing

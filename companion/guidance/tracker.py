@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,15 +20,15 @@ import numpy.typing as npt
 from companion.core.messages import Vector3
 from companion.guidance.likelihood import likelihood
 from companion.guidance.loudness import Loudness
+from companion.guidance.target import Rival, Target, moments, spread, vector
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.records import Bearing
-from wsr.aoa import Matrix3
 from wsr.geometry import direction
 
 _Floats = npt.NDArray[np.float64]
 _Bools = npt.NDArray[np.bool_]
 _PARTICLES: Final = 1500
-_RESAMPLE_BELOW: Final = 0.5
+_RESAMPLE_BELOW: Final = 0.8
 _BORN: Final = 0.02
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
 _REACH_M: Final = (0.5, 40.0)
@@ -45,7 +45,7 @@ _ELEVATION_STD_RAD: Final = math.radians(12.0)
 """By how much floor and ceiling, which mirror the target above and below itself, pull all bearings of one place."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
-_CROSSING: Final = 0.3
+_CROSSING: Final = 0.6
 """Of new particles: where the new bearing crosses one before, give or take"""
 _CROSSED_STD: Final = 0.2
 _LINES: Final = 20
@@ -61,48 +61,6 @@ _EXCLUDED: Final = 20.0
 """Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 """A source was seen at a place by a range up to the one, known to the other."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rival:
-    """Another place that may be the target's, as the origin of its frame, with its probability."""
-
-    origin_local_enu_m: Vector3
-    probability: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
-    """Where the target is thought to be, seen from the newest bearing's place."""
-
-    t_mono_ns: int
-    azimuth_rad: float
-    origin_local_enu_m: Vector3
-    """Mean of the origin of the target's own poses in the autopilot's local frame, of the likeliest source."""
-    covariance_m2: Matrix3
-    boot: int
-    range_m: float
-    range_std_m: float
-    probability: float
-    """Of that source."""
-    rivals: tuple[Rival, ...] = ()
-
-    def place(self, target_p_enu_m: Vector3) -> Vector3:
-        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`."""
-        x, y, z = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
-        return x, y, z
-
-
-@dataclass(frozen=True, slots=True)
-class TargetReport:
-    """What a new bearing made of the target, for the log."""
-
-    t_mono_ns: int
-    peer: int
-    iteration: int
-    target: Target
-    p_local_enu_m: Vector3
-    """Where the target was when the bearing was taken."""
 
 
 class TargetTracker:
@@ -193,20 +151,21 @@ class TargetTracker:
                 break
         found.sort(key=lambda mode: -mode[0])
         probability, members = found[0]
-        mean_m, covariance = _moments(self._origins_m[members], weight[members])
+        mean_m, covariance = moments(self._origins_m[members], weight[members])
         offset_m = mean_m - here_m
         range_m = float(np.linalg.norm(offset_m))
         along = offset_m / max(range_m, 1e-9)
-        rivals = [Rival(_vector(_moments(self._origins_m[m], weight[m])[0]), p) for p, m in found[1:] if p > 0.02]
+        rivals = [Rival(vector(moments(self._origins_m[m], weight[m])[0]), p) for p, m in found[1:] if p > 0.02]
         return Target(
             t_mono_ns=self._newest.t_mono_ns,
             azimuth_rad=math.atan2(offset_m[1], offset_m[0]),
-            origin_local_enu_m=_vector(mean_m),
-            covariance_m2=(_vector(covariance[0]), _vector(covariance[1]), _vector(covariance[2])),
+            origin_local_enu_m=vector(mean_m),
+            covariance_m2=(vector(covariance[0]), vector(covariance[1]), vector(covariance[2])),
             boot=self._newest.target_boot,
             range_m=range_m,
             range_std_m=math.sqrt(float(along @ covariance @ along)),
             probability=min(1.0, probability),
+            whole=spread(self._origins_m, weight, here_m, along),
             rivals=tuple(rivals),
         )
 
@@ -359,16 +318,3 @@ def _turned(offsets_m: _Floats, heading_rad: _Floats, elevation_rad: _Floats) ->
 def _normalised(log_weight: _Floats) -> _Floats:
     log_weight = log_weight - log_weight.max()
     return np.asarray(log_weight - math.log(float(np.exp(log_weight).sum())))
-
-
-def _moments(points_m: _Floats, weight: _Floats) -> tuple[_Floats, _Floats]:
-    """Mean (3,) and covariance (3, 3)."""
-    share = weight / weight.sum()
-    mean_m = share @ points_m
-    centred = points_m - mean_m
-    return mean_m, np.asarray((share[:, None] * centred).T @ centred)
-
-
-def _vector(values: npt.NDArray[Any]) -> Vector3:
-    x, y, z = values.tolist()
-    return x, y, z

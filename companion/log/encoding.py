@@ -14,7 +14,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from companion.core.messages import Pose, VehicleState
 from companion.core.streams import APERTURE_PATH, LOG, POSE, PROFILE, SCENE, TRANSFORMS, Stream
-from companion.guidance.tracker import TargetReport
+from companion.guidance.target import TargetReport
 from companion.log import foxglove
 from companion.sensing.records import ApertureRecord, Iteration
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD

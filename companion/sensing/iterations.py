@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from wsr.aperture import Aperture
 _LOCAL_CAPACITY = 20 * 120
 _LONGEST_S = 20.0
 """A path that takes longer than this has no aperture: poses drift, and nobody wants an old bearing."""
+_FIRST: Final = 0.6
+"""Of `length_m` is enough for the first apertures: a coarse bearing now is worth more than a fine one in a second."""
 
 
 class Worker(Protocol):
@@ -102,6 +104,8 @@ class SarIterations:
         end_ns = now_ns - round(self._config.settle_s * NS_PER_S)
         begun_ns = max(self._begun_ns, end_ns - round(_LONGEST_S * NS_PER_S))
         start_ns = self._window.start_of_path(begun_ns, end_ns, self._config.length_m)
+        if start_ns is None and self._window.path_length_m(begun_ns, end_ns) > _FIRST * self._config.length_m:
+            start_ns = begun_ns
         if start_ns is None and begun_ns > self._begun_ns:
             self._begun_ns = start_ns = begun_ns
         if start_ns is not None:

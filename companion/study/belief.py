@@ -8,24 +8,12 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi2
 
 from companion.core.messages import Vector3
-from companion.guidance.tracker import Target
-
-Array = npt.NDArray[np.float64]
+from companion.guidance.target import Target
 
 PLACE_DEGREES: Final = 3
-_RANGE_90: Final = 1.6448536269514722
-_DIRECTION_90: Final = float(chi2.ppf(0.9, 2))
-
-
-class Belief(NamedTuple):
-    """Mean (3,) and covariance (3, 3) of the target's place in the vehicle's local frame."""
-
-    mean_m: Array
-    covariance_m2: Array
 
 
 class BeliefCheck(NamedTuple):
@@ -37,27 +25,20 @@ class BeliefCheck(NamedTuple):
     direction_held: bool
 
 
-def belief_of(target: Target, target_p_enu_m: Vector3) -> Belief:
-    """Of the likeliest source, when the target's own poses said `target_p_enu_m`."""
-    return Belief(np.array(target.place(target_p_enu_m)), np.array(target.covariance_m2))
-
-
-def check(belief: Belief, truth_m: Vector3, from_m: Vector3) -> BeliefCheck:
-    """`from_m` is where the vehicle is."""
-    miss_m = np.array(truth_m) - belief.mean_m
-    nees = float(miss_m @ np.linalg.solve(belief.covariance_m2, miss_m))
-    away_m = belief.mean_m - from_m
-    along = away_m / np.linalg.norm(away_m)
-    range_std_m = math.sqrt(float(along @ belief.covariance_m2 @ along))
-    true_range_m, range_m = math.dist(truth_m, from_m), float(np.linalg.norm(away_m))
-    across = np.linalg.svd(along[None])[2][1:]
-    seen_m2 = across @ belief.covariance_m2 @ across.T
-    # At the range of the mean: a truth in the right direction, nearer or farther, is no miss of the direction.
-    off_m = across @ (np.subtract(truth_m, from_m) * range_m / true_range_m)
-    direction = float(off_m @ np.linalg.solve(seen_m2, off_m))
-    in_front = float(np.dot(along, np.subtract(truth_m, from_m))) > 0
+def check(target: Target, target_p_enu_m: Vector3, truth_m: Vector3, from_m: Vector3) -> BeliefCheck:
+    """The whole belief, all sources counted, when the target's own poses said `target_p_enu_m`; `from_m` is where the
+    vehicle is. A belief of several sources has no normal density, but whatever its shape, a truth drawn from it has a
+    mean NEES of 3."""
+    whole = target.whole
+    miss_m = np.subtract(truth_m, np.add(whole.origin_local_enu_m, target_p_enu_m))
+    nees = float(miss_m @ np.linalg.solve(np.array(whole.covariance_m2), miss_m))
+    likeliest_m = np.subtract(target.place(target_p_enu_m), from_m)
+    offset_m = np.subtract(truth_m, from_m)
+    range_m = float(np.linalg.norm(offset_m))
+    cosine = float(offset_m @ likeliest_m) / max(range_m * float(np.linalg.norm(likeliest_m)), 1e-9)
+    nearest_m, farthest_m = whole.range_90_m
     return BeliefCheck(
-        nees, abs(true_range_m - range_m) <= _RANGE_90 * range_std_m, in_front and direction <= _DIRECTION_90
+        nees, nearest_m <= range_m <= farthest_m, math.acos(max(-1.0, min(1.0, cosine))) <= whole.direction_90_rad
     )
 
 

@@ -19,7 +19,7 @@ from companion.sim.scenario import RadioScenario, VioScenario
 from companion.sim.scenes import SCENES, scene_names, set_in
 from companion.study import rendezvous_figures
 from companion.study.angles import aoa_error
-from companion.study.belief import BeliefCheck, belief_of, check
+from companion.study.belief import BeliefCheck, check
 from companion.study.link import scenario
 from companion.study.rendezvous_rows import FlownIteration, MissionRow
 from companion.study.straight import straight_flight_s
@@ -92,9 +92,8 @@ def _belief(point: MissionPoint) -> BeliefCheck | None:
     iteration = point.iteration
     if point.target is None or iteration.p_local_enu_m is None or iteration.peer_p_enu_m is None:
         return None
-    belief = belief_of(point.target, iteration.peer_p_enu_m)
     # The autopilot's local frame begins where the world does.
-    found = check(belief, point.beacon_enu_m, iteration.p_local_enu_m)
+    found = check(point.target, iteration.peer_p_enu_m, point.beacon_enu_m, iteration.p_local_enu_m)
     return found._replace(nees=round(found.nees, 3))
 
 

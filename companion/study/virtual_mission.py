@@ -22,7 +22,7 @@ from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
 from companion.core.messages import Pose, Vector3
 from companion.flight.loop import Flight
-from companion.guidance.tracker import Target
+from companion.guidance.target import Target
 from companion.mission.table import AT_REST, State
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver

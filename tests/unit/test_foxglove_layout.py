@@ -11,7 +11,7 @@ from typing import Any
 from companion.core.messages import VehicleState
 from companion.core.streams import STREAMS
 from companion.flight.records import MissionStep
-from companion.guidance.tracker import TargetReport
+from companion.guidance.target import TargetReport
 from companion.roles.health import Health
 from companion.sensing.records import Iteration
 from tests.paths import CONFIGS

@@ -16,7 +16,10 @@ BEARING: dict[str, Any] = {
     "azimuth_deg": -58.3, "azimuth_std_deg": 1.14, "elevation_deg": -11.2, "elevation_std_deg": 1.2,
     "reliability": 0.93, "iteration": 9, "reference_ns": 1,
 }  # fmt: skip
-TARGET: dict[str, Any] = {"range_m": 17.3, "range_std_m": 11.9, "azimuth_deg": -60.0, "probability": 0.9, "rivals": 1}
+TARGET: dict[str, Any] = {
+    "range_m": 17.3, "range_std_m": 11.9, "range_90_m": [4.0, 33.8], "azimuth_deg": -60.0, "probability": 0.9,
+    "rivals": 1,
+}  # fmt: skip
 
 
 def status(**values: Any) -> dict[str, Any]:
@@ -37,7 +40,8 @@ def test_a_flight_in_a_persons_words() -> None:
         "compass 148° ± 1.1° (-58.3° from East), elevation -11.2° ± 1.2°, reliability 0.93, iteration 9"
     )
     assert lines["target"] == (
-        "17.3 m ± 11.9 m away, its range hardly known; 90 % sure of this place, 1 other place possible"
+        "17.3 m ± 11.9 m away, its range hardly known (4 to 34 m with 90 %); "
+        "90 % sure of this place, 1 other place possible"
     )
     assert "missing" not in lines  # what stands against engaging is no news in flight
     assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}

@@ -11,8 +11,8 @@ from companion.config.schema import GateConfig, MissionConfig
 from companion.core.messages import FlightMode, VehicleState
 from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer, would_be_setpoint
+from companion.guidance.target import Spread, Target
 from companion.guidance.targets import Targets
-from companion.guidance.tracker import Target
 from companion.safety.gate import Gate, GateLimits, Reason
 from tests.unit.companion.flight.kept import Kept
 
@@ -26,6 +26,12 @@ _NORTH = Target(
     range_m=9.0,
     range_std_m=1.0,
     probability=0.9,
+    whole=Spread(
+        origin_local_enu_m=(0.0, 9.0, 0.0),
+        covariance_m2=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        range_90_m=(7.4, 10.6),
+        direction_90_rad=0.2,
+    ),
 )
 _CARRIED = VehicleState(
     t_mono_ns=5, mode=FlightMode.MANUAL, position_mono_ns=5, p_local_enu_m=(1.0, 2.0, 1.4),

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.guidance.tracker import Target, TargetTracker
+from companion.guidance.target import Target
+from companion.guidance.tracker import TargetTracker
 from companion.sensing.records import Bearing
 from wsr.peaks import Peak
 

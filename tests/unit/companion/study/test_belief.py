@@ -3,53 +3,61 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from companion.core.messages import Vector3
-from companion.guidance.tracker import Target
-from companion.study.belief import Belief, belief_of, check, share_in_band
+from companion.guidance.target import Target, spread
+from companion.study.belief import check, share_in_band
 
 FROM_M: Vector3 = (1.0, 2.0, 1.5)
+TARGET_M: Vector3 = (2.0, -1.0, 0.5)
+"""What the target's own poses say."""
 
 
-def _truths(belief: Belief, count: int) -> list[Vector3]:
+def _two_sources(count: int) -> npt.NDArray[np.float64]:
+    """Origins (N, 3): two thirds of them ahead, the others at an image."""
     rng = np.random.default_rng(1)
-    drawn = rng.multivariate_normal(belief.mean_m, belief.covariance_m2, count).tolist()
-    return [(x, y, z) for x, y, z in drawn]
-
-
-def test_truths_drawn_from_a_belief_are_held_as_often_as_it_says() -> None:
     root = np.array([[0.8, 0.1, 0.0], [0.2, 0.3, 0.1], [0.0, 0.1, 0.2]])
-    belief = Belief(np.array([9.0, -4.0, 0.5]), root @ root.T)
-    checks = [check(belief, truth, FROM_M) for truth in _truths(belief, 4000)]
+    ahead = rng.normal(size=(count, 3)) @ root + np.array([7.0, -3.0, 0.0])
+    image = rng.normal(size=(count, 3)) @ root + np.array([-4.0, 12.0, 1.0])
+    return np.asarray(np.where(rng.uniform(size=(count, 1)) < 2 / 3, ahead, image))
+
+
+def _target(origins_m: npt.NDArray[np.float64], likeliest_m: Vector3) -> Target:
+    here_m = np.subtract(FROM_M, TARGET_M)
+    offset_m = np.subtract(likeliest_m, here_m)
+    range_m = float(np.linalg.norm(offset_m))
+    return Target(
+        t_mono_ns=0,
+        azimuth_rad=0.0,
+        origin_local_enu_m=likeliest_m,
+        covariance_m2=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        boot=7,
+        range_m=range_m,
+        range_std_m=1.0,
+        probability=0.67,
+        whole=spread(origins_m, np.full(len(origins_m), 1 / len(origins_m)), here_m, offset_m / range_m),
+    )
+
+
+def test_truths_drawn_from_a_belief_of_two_sources_are_held_as_often_as_it_says() -> None:
+    target = _target(_two_sources(20000), (7.0, -3.0, 0.0))
+    truths = (_two_sources(4000)[::-1] + np.array(TARGET_M)).tolist()
+    checks = [check(target, TARGET_M, (x, y, z), FROM_M) for x, y, z in truths]
     assert np.mean([c.nees for c in checks]) == pytest.approx(3.0, abs=0.15)
     assert np.mean([c.range_held for c in checks]) == pytest.approx(0.9, abs=0.02)
     assert np.mean([c.direction_held for c in checks]) == pytest.approx(0.9, abs=0.02)
 
 
 def test_a_truth_behind_the_vehicle_is_no_held_direction() -> None:
-    belief = Belief(np.array([4.0, 0.0, 0.0]), np.eye(3))
-    behind = check(belief, (-4.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert (behind.range_held, behind.direction_held, behind.nees) == (True, False, 64.0)
-    assert check(belief, (12.0, 0.0, 0.0), (0.0, 0.0, 0.0))[1:] == (False, True)
-
-
-def test_the_belief_is_the_likeliest_source_where_the_target_has_come_to() -> None:
-    covariance = ((4.0, 0.1, 0.0), (0.1, 1.0, 0.0), (0.0, 0.0, 0.5))
-    belief = belief_of(
-        Target(
-            t_mono_ns=0,
-            azimuth_rad=0.0,
-            origin_local_enu_m=(5.0, 2.0, 1.5),
-            covariance_m2=covariance,
-            boot=7,
-            range_m=10.0,
-            range_std_m=2.0,
-            probability=0.9,
-        ),
-        (6.0, 0.0, 0.0),
-    )
-    assert belief.mean_m.tolist() == [11.0, 2.0, 1.5] and belief.covariance_m2.tolist() == [list(r) for r in covariance]
+    rng = np.random.default_rng(3)
+    target = _target(rng.normal(size=(4000, 3)) * 0.3 + np.array([5.0, 3.0, 1.0]), (5.0, 3.0, 1.0))
+    ahead_m = np.add((5.0, 3.0, 1.0), TARGET_M)
+    behind_m = 2 * np.array(FROM_M) - ahead_m
+    (x, y, z), (u, v, w) = ahead_m.tolist(), behind_m.tolist()
+    assert check(target, TARGET_M, (x, y, z), FROM_M)[1:] == (True, True)
+    assert check(target, TARGET_M, (u, v, w), FROM_M)[1:] == (True, False)
 
 
 def test_the_mean_of_a_consistent_belief_is_in_its_band_and_others_are_not() -> None:

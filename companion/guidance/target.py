@@ -1,0 +1,108 @@
+"""What is believed of a target: the likeliest source, its rivals, and what the whole belief says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from companion.core.messages import Vector3
+from wsr.aoa import Matrix3
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another place that may be the target's, as the origin of its frame, with its probability."""
+
+    origin_local_enu_m: Vector3
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Of the whole belief, all sources counted: what a mean and a deviation of one source cannot say."""
+
+    origin_local_enu_m: Vector3
+    covariance_m2: Matrix3
+    range_90_m: tuple[float, float]
+    """Nearer and farther than these it is with 5 % each."""
+    direction_90_rad: float
+    """With 90 % its direction is so near to that of the likeliest source."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """Where the target is thought to be, seen from the newest bearing's place."""
+
+    t_mono_ns: int
+    azimuth_rad: float
+    origin_local_enu_m: Vector3
+    """Mean of the origin of the target's own poses in the autopilot's local frame, of the likeliest source."""
+    covariance_m2: Matrix3
+    boot: int
+    range_m: float
+    range_std_m: float
+    probability: float
+    """Of that source."""
+    whole: Spread
+    rivals: tuple[Rival, ...] = ()
+
+    def place(self, target_p_enu_m: Vector3) -> Vector3:
+        """Where the target is in the autopilot's local frame when its own poses say `target_p_enu_m`."""
+        x, y, z = (o + q for o, q in zip(self.origin_local_enu_m, target_p_enu_m, strict=True))
+        return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class TargetReport:
+    """What a new bearing made of the target, for the log."""
+
+    t_mono_ns: int
+    peer: int
+    iteration: int
+    target: Target
+    p_local_enu_m: Vector3
+    """Where the target was when the bearing was taken."""
+
+
+def spread(origins_m: _Floats, weight: _Floats, here_m: _Floats, along: _Floats) -> Spread:
+    """Of particles (N, 3) with weights (N,), seen from `here_m` (3,). `along` (3,) is the direction of the likeliest
+    source."""
+    mean_m, covariance = moments(origins_m, weight)
+    offsets_m = origins_m - here_m
+    range_m = np.linalg.norm(offsets_m, axis=1)
+    cosine = np.einsum("nx,x->n", offsets_m, along) / np.maximum(range_m, 1e-9)
+    nearest, farthest = _quantiles(range_m, weight, (0.05, 0.95))
+    (least_cosine,) = _quantiles(cosine, weight, (0.1,))
+    return Spread(
+        origin_local_enu_m=vector(mean_m),
+        covariance_m2=(vector(covariance[0]), vector(covariance[1]), vector(covariance[2])),
+        range_90_m=(nearest, farthest),
+        direction_90_rad=math.acos(max(-1.0, min(1.0, least_cosine))),
+    )
+
+
+def _quantiles(values: _Floats, weight: _Floats, shares: tuple[float, ...]) -> list[float]:
+    """Of values (N,) with weights (N,)."""
+    order = np.argsort(values)
+    below = np.cumsum(weight[order])
+    at = np.searchsorted(below, np.array(shares) * below[-1])
+    return [float(value) for value in values[order[np.minimum(at, len(order) - 1)]]]
+
+
+def moments(points_m: _Floats, weight: _Floats) -> tuple[_Floats, _Floats]:
+    """Mean (3,) and covariance (3, 3)."""
+    share = weight / weight.sum()
+    mean_m = share @ points_m
+    centred = points_m - mean_m
+    return mean_m, np.asarray((share[:, None] * centred).T @ centred)
+
+
+def vector(values: npt.NDArray[Any]) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z
