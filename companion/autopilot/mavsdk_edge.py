@@ -17,6 +17,7 @@ from typing import Final
 
 from companion.autopilot import onboard_status, px4_modes
 from companion.autopilot.climb import Climb
+from companion.autopilot.ground_station import GroundStation
 from companion.autopilot.mavsdk_link import MavsdkLink
 from companion.autopilot.odometry import odometry_fields
 from companion.autopilot.port import AutopilotError, GaveWayError
@@ -80,12 +81,14 @@ class MavsdkAutopilot:
         clock: Clock,
         on_odometry: Callable[[Pose], None] | None = None,
         system_id: int | None = None,
+        is_of_vehicle: bool = False,
     ) -> None:
         """`on_odometry` gets the autopilot's own odometry as poses, on the library's thread. Without a `system_id` the
-        first PX4 that is heard is ours, and no other ever after."""
+        first PX4 that is heard is ours, and no other ever after. `is_of_vehicle`: as in `MavsdkLink`."""
         self._clock = clock
         self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time)
-        self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id)
+        self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id, is_of_vehicle)
+        self.ground = GroundStation(self._link, self._vehicle_ms)
         self._asked_ns = 0
         self._asked_boots = -1
         self._others: set[str] = set()
@@ -171,6 +174,10 @@ class MavsdkAutopilot:
         if vehicle_ns is not None:
             with contextlib.suppress(AutopilotError):  # PX4 asks again
                 self._link.send_addressed("TIMESYNC", tc1=vehicle_ns, ts1=ts1)
+
+    def _vehicle_ms(self) -> int:
+        """The vehicle's own time, or nothing."""
+        return max(0, self._telemetry.vehicle_ns(self._clock.now_ns()) or 0) // 1_000_000 & 0xFFFFFFFF
 
     def take_events(self) -> list[AutopilotEvent]:
         return self._telemetry.take_events()

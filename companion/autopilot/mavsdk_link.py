@@ -34,6 +34,8 @@ _LOG = logging.getLogger(__name__)
 _NATIVE_LOG = logging.getLogger("mavsdk")
 _CLOSE_TIMEOUT_S = 3.0
 _LOOK_S = 0.02
+_ONBOARD_COMPUTER = 191
+"""MAV_COMP_ID_ONBOARD_COMPUTER."""
 _NAMES = {Kind.PX4: "PX4", Kind.ARDUPILOT: "ArduPilot"}
 
 
@@ -41,14 +43,22 @@ class MavsdkLink:
     """One MAVSDK connection such as udpin://127.0.0.1:14540 or serial:///dev/ttyS1:921600; may be opened again.
 
     It speaks to one vehicle: that of `system_id`, or without one the first PX4 it has heard, for as long as it lives.
-    `on_message` gets the name, the sender's component id and the fields as JSON, on the library's thread.
+    `on_message` gets the name, the sender's component id and the fields as JSON, on the library's thread. We are a
+    component of system 1, as the library has it, or with `is_of_vehicle` the onboard computer of the vehicle's own
+    system, as a ground station looks for it.
     """
 
     def __init__(
-        self, url: str, names: Iterable[str], on_message: Callable[[str, int, str], None], system_id: int | None = None
+        self,
+        url: str,
+        names: Iterable[str],
+        on_message: Callable[[str, int, str], None],
+        system_id: int | None = None,
+        is_of_vehicle: bool = False,
     ) -> None:
         self.url = url
         self.system_id = system_id
+        self._is_of_vehicle = is_of_vehicle
         self._names = tuple(names)
         self._on_message = on_message
         self._mavsdk: Any = None
@@ -63,13 +73,28 @@ class MavsdkLink:
         _refuse_taken_port(self.url)
         _refuse_missing_device(self.url)
         _route_native_log()
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            ours = self._begin()
+            try:
+                system = await self._find_autopilot(max(_LOOK_S, deadline_s - time.monotonic()))
+                if not self._is_of_vehicle or system.get_system_id() == ours:
+                    self._subscribe(system)
+                    return
+                self.system_id = system.get_system_id()
+                await self.aclose()  # once: now it is known of which system we must be
+            except BaseException:
+                await self.aclose()
+                raise
+
+    def _begin(self) -> int:
+        """A library without connections; our own system id in it."""
         kind = mavsdk.ComponentType.COMPANION_COMPUTER
-        self._mavsdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
-        try:
-            self._subscribe(await self._find_autopilot(timeout_s))
-        except BaseException:
-            await self.aclose()
-            raise
+        configuration = mavsdk.Configuration.create_with_component_type(kind)
+        if self._is_of_vehicle:
+            configuration.system_id, configuration.component_id = self.system_id or 1, _ONBOARD_COMPUTER
+        self._mavsdk = mavsdk.Mavsdk(configuration)
+        return self.system_id or 1
 
     async def aclose(self) -> None:
         """Bounded in time, and harmless when repeated."""
@@ -91,7 +116,7 @@ class MavsdkLink:
         except TimeoutError:
             _LOG.error("autopilot %s: the library did not close within %g s", self.url, _CLOSE_TIMEOUT_S)
 
-    def send(self, name: str, **fields: Any) -> None:
+    def send(self, name: str, /, **fields: Any) -> None:
         """One message with every field of it: the library sends one that is missing as zero. None is sent as NaN.
 
         Raises AutopilotError when the link is closed or the library refuses.
@@ -104,7 +129,7 @@ class MavsdkLink:
         except MavsdkError as error:
             raise AutopilotError(f"autopilot {self.url}: {name} was not sent: {error}") from error
 
-    def send_addressed(self, name: str, **fields: Any) -> None:
+    def send_addressed(self, name: str, /, **fields: Any) -> None:
         self.send(name, target_system=self.system_id, target_component=1, **fields)
 
     async def _find_autopilot(self, timeout_s: float) -> Any:

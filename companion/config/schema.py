@@ -186,6 +186,9 @@ class AutopilotConfig:
     origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
     """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
     place for its hold and return, and takes declination and strength of the magnetic field from it."""
+    ground_hz: Annotated[float, Meta(ge=0, le=4)] = 0.0
+    """How often ground stations are told bearing, range and state through the autopilot, with a sentence for each
+    change of state and each refusal; 0 for never."""
     engage_rc_channel: Annotated[int, Meta(ge=1, le=18)] | None = None
     """RC channel of a switch that engages when it is moved up and aborts when it is moved down; absent for none."""
     engage_rc_above_us: Annotated[int, Meta(ge=1000, le=2000)] = 1700

@@ -17,6 +17,8 @@ from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
 from companion.host.priority import keep_priority, raise_priority
 from companion.log.feed import introduction
+from companion.pose.port import PoseSink
+from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.page import Page
@@ -32,13 +34,20 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     url, system_id = config.autopilot.url, config.autopilot.system_id
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
     page = Page(config, clock, recorder)
+    ground = Ground(config, clock, page.recorder)
+    edges: list[MavsdkAutopilot] = []
+
+    def make_autopilot(odometry: PoseSink | None) -> MavsdkAutopilot:
+        # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
+        edges.append(MavsdkAutopilot(url, MonotonicClock(), odometry, system_id, ground.is_on))
+        return edges[-1]
+
     uav = Uav(
         config=config,
         clock=clock,
-        recorder=page.recorder,
+        recorder=ground.recorder,
         inputs=LiveInputs(config),
-        # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-        make_autopilot=lambda odometry: MavsdkAutopilot(url, MonotonicClock(), odometry, system_id),
+        make_autopilot=make_autopilot,
         worker=worker,
     )
     worker.answers.connect(uav.sar.take_answer)
@@ -58,6 +67,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             tasks.create_task(feed_watchdog(uav.flight.is_ticking), name="watchdog")
             tasks.create_task(keep_priority(), name="priority")
             page.start(uav.flight.status)
+            ground.start(uav.flight.status, edges[-1].ground)
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
@@ -65,6 +75,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     finally:
         control.close()
         uav.node.close()
+        await ground.aclose()
         await uav.autopilot.aclose()
         await page.aclose()
 

@@ -26,6 +26,7 @@ from companion.sim.scenario import encode_scenario
 from companion.sim.stage import Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 from tests.sitl import px4_report
+from tests.sitl.ground_link import GroundLink
 from tests.sitl.watching import listen
 
 SEED = 5
@@ -43,6 +44,8 @@ class Flying:
         self.out = out
         self._reports = reports
         self.truths: list[WorldTruth] = []
+        self.ground: GroundLink | None = None
+        """A ground station at the mock's other link, where the test has one."""
 
     @property
     def now(self) -> WorldTruth:
@@ -161,6 +164,7 @@ async def flying(
     real_url: str = "",
     autopilot: dict[str, Any] | None = None,
     page: PageConfig | None = None,
+    px4_options: tuple[str, ...] = (),
     **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
@@ -176,7 +180,7 @@ async def flying(
             bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
         ):
             control = str(stage.directory / "px4.sock")
-            options = ("--control", control)
+            options = ("--control", control, *px4_options)
             async with Cast(stage, out, *options, service=_SERVICE, has_mock=not real_url) as cast:
                 flight = Flying(stage, cast, out, reports)
                 listener = asyncio.create_task(listen(truths, flight.truths))

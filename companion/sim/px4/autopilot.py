@@ -196,16 +196,22 @@ class Px4:
 class Runner:
     """Turns `Px4` with the host's monotonic clock on real sockets until `stop`."""
 
-    def __init__(self, px4: Px4, connect: tuple[str, int], rate_hz: float, truth: Path | None, control: Path | None):
+    def __init__(
+        self,
+        px4: Px4,
+        connect: tuple[str, int],
+        rate_hz: float,
+        truth: Path | None,
+        control: Path | None,
+        ground: tuple[str, int] | None = None,
+    ) -> None:
         self._px4 = px4
+        self._ground = None if ground is None else _connected(ground)
         self._period_ns = round(NS_PER_S / rate_hz)
         self._truth_path = truth
         self._truth = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._truth.setblocking(False)
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.setblocking(False)
-        self._udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
-        self._udp.connect(connect)
+        self._udp = _connected(connect)
         self._control_path = control
         self._control = bind_datagram_socket(control) if control is not None else None
         self._stopped = False
@@ -215,12 +221,14 @@ class Runner:
 
     def run(self) -> None:
         tick_ns = truth_ns = time.monotonic_ns()
-        sockets = [self._udp] + ([self._control] if self._control is not None else [])
+        sockets = [one for one in (self._udp, self._control, self._ground) if one is not None]
         while not self._stopped:
             now_ns = time.monotonic_ns()
             if now_ns >= tick_ns:
                 tick_ns = max(tick_ns + self._period_ns, now_ns - 5 * self._period_ns)
-                self._send(self._px4.step(now_ns))
+                telemetry = self._px4.step(now_ns)
+                self._send(telemetry)
+                self._send_to_ground([*telemetry, *self._px4.link.take_handed_on()])
             if now_ns >= truth_ns:
                 truth_ns = max(truth_ns + _TRUTH_PERIOD_NS, now_ns)
                 self._send_truth(now_ns)
@@ -229,9 +237,13 @@ class Runner:
                 self._receive()
             if self._control in readable:
                 self._answer()
+            if self._ground in readable:
+                self._receive_from_ground()
 
     def close(self) -> None:
         self._udp.close()
+        if self._ground is not None:
+            self._ground.close()
         self._truth.close()
         if self._control is not None and self._control_path is not None:
             self._control.close()
@@ -242,6 +254,21 @@ class Runner:
             # Nobody listens yet, or no longer: an autopilot sends on regardless.
             with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
                 self._udp.send(datagram)
+
+    def _send_to_ground(self, datagrams: list[bytes]) -> None:
+        if self._ground is None:
+            return
+        for datagram in datagrams:
+            with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
+                self._ground.send(datagram)
+
+    def _receive_from_ground(self) -> None:
+        """Its other link: answered there, and handed on to the companion."""
+        assert self._ground is not None
+        with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
+            while True:
+                self._send_to_ground(self._px4.receive(self._ground.recv(2048), time.monotonic_ns()))
+                self._send(self._px4.link.take_handed_on())
 
     def _receive(self) -> None:
         while True:
@@ -269,6 +296,14 @@ class Runner:
                 self._control.sendto(answer, sender)
 
 
+def _connected(address: tuple[str, int]) -> socket.socket:
+    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    udp.setblocking(False)
+    udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    udp.connect(address)
+    return udp
+
+
 def _arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
     """When the kernel took the datagram: a mock that waits for a processor must not count its own delay as a gap."""
     now_ns = time.monotonic_ns()
@@ -280,7 +315,9 @@ def _arrival_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
     return now_ns
 
 
-def _address(context: click.Context, parameter: click.Parameter, value: str) -> tuple[str, int]:
+def _address(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[str, int] | None:
+    if value is None:
+        return None
     host, _, port = value.rpartition(":")
     if not host or not port.isdecimal():
         raise click.BadParameter(f"{value!r}: expected HOST:PORT, for example 127.0.0.1:14540")
@@ -296,6 +333,7 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 
 @click.command()
 @click.option("--connect", required=True, callback=_address, metavar="HOST:PORT", help="the companion's UDP port")
+@click.option("--ground", callback=_address, metavar="HOST:PORT", help="a ground station's UDP port: its second link")
 @click.option("--truth", "truth_path", type=click.Path(path_type=Path), help="unix datagram socket of the world")
 @click.option("--control", type=click.Path(path_type=Path), help="unix datagram socket to take a test's orders on")
 @click.option("--rate", default=250.0, show_default=True, help="steps per second")
@@ -308,6 +346,7 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 @click.option("--param", "parameters", multiple=True, callback=_parameters, help="a parameter, NAME=VALUE")
 def main(
     connect: tuple[str, int],
+    ground: tuple[str, int] | None,
     truth_path: Path | None,
     control: Path | None,
     rate: float,
@@ -324,7 +363,7 @@ def main(
         time.monotonic_ns(), seed, yaw_enu_rad, parameters,
         system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m,
     )  # fmt: skip
-    runner = Runner(px4, connect, rate, truth_path, control)
+    runner = Runner(px4, connect, rate, truth_path, control, ground)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: runner.stop())
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import deque
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -18,6 +19,8 @@ from companion.sim.px4.parameters import field_and_kind, written
 from companion.sim.px4.streams import Streams
 
 Mute = Literal["nothing", "heartbeats", "everything"]
+_HANDED_ON = 500
+"""Of what nobody takes no more is kept."""
 _TIMESYNC = struct.Struct("<qqBB")
 _MODE_COMMANDS = {mavlink.MAV_CMD_NAV_LAND: Mode.LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: Mode.RTL}
 
@@ -55,6 +58,7 @@ class Px4Link:
         self._now_ns = now_ns
         self._off_until_ns = now_ns
         self._out: list[bytes] = []
+        self._handed_on: deque[bytes] = deque(maxlen=_HANDED_ON)
         self._mav = mavlink.MAVLink(self, srcSystem=system_id, srcComponent=1)
         self.streams = Streams(commander, self.clock, self._mav, kind, now_ns)
         self._arming = ArmingReports(commander, self.clock, self._mav)
@@ -72,6 +76,8 @@ class Px4Link:
         parser = mavlink.MAVLink(None)  # a datagram holds whole frames: what is left of one belongs to no other
         parser.robust_parsing = True
         for message in parser.parse_buffer(datagram) or ():
+            if self._is_for_others(message):
+                self._handed_on.append(bytes(message.get_msgbuf()))
             # PX4 reads TIMESYNC without looking at whom it is addressed to.
             if message.get_type() != "TIMESYNC" and getattr(message, "target_system", 0) not in (0, self._system_id):
                 continue
@@ -80,6 +86,17 @@ class Px4Link:
             if handler is not None:
                 handler(message)
         return self._take()
+
+    def take_handed_on(self) -> list[bytes]:
+        """What the other links of the vehicle get of what has come in since the last call (MAV_n_FORWARD): all that is
+        not for the autopilot alone."""
+        handed_on = list(self._handed_on)
+        self._handed_on.clear()
+        return handed_on
+
+    def _is_for_others(self, message: Any) -> bool:
+        system, component = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+        return (system, component) != (self._system_id, 1) and message.get_type() != "RADIO_STATUS"
 
     def telemetry(self, now_ns: int) -> list[bytes]:
         """The stream messages that are due."""

@@ -11,13 +11,17 @@ import pytest_asyncio
 from companion.config.schema import PageConfig
 from tests.sitl.flying import Flying
 from tests.sitl.flying import flying as running
+from tests.sitl.ground_link import GroundLink
 
 
 @pytest_asyncio.fixture(loop_scope="package", scope="package")
 async def flying(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Flying]:
-    autopilot = {"engage_rc_channel": 3, "forward_vio_hz": 30.0}
+    autopilot = {"engage_rc_channel": 3, "forward_vio_hz": 30.0, "ground_hz": 2.0}
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         page = PageConfig(enabled=True, port=probe.getsockname()[1])
-    async with running(tmp_path_factory.mktemp("flight"), autopilot=autopilot, page=page) as started:
-        yield started
+    folder = tmp_path_factory.mktemp("flight")
+    with GroundLink() as ground:
+        async with running(folder, autopilot=autopilot, page=page, px4_options=ground.options) as started:
+            started.ground = ground
+            yield started

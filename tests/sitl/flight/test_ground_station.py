@@ -1,0 +1,45 @@
+"""What a ground station at the vehicle's other link is told of a flight; a flood of refusals delays nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from companion.flight.announcements import BURST, PER_S
+from tests.sitl.flying import IN_OFFBOARD, Flying
+from tests.sitl.ground_link import ONBOARD_COMPUTER
+
+pytestmark = pytest.mark.asyncio(loop_scope="package")
+_FLOOD_S = 5.0
+
+
+async def test_fault_51_the_ground_sees_who_flies_and_a_flood_of_refusals_costs_the_flight_nothing(
+    flying: Flying,
+) -> None:
+    ground, since_s = flying.ground, time.monotonic()
+    assert ground is not None
+    await flying.stand()
+    await flying.fly("approaching")
+    await flying.px4("forget gaps")
+    await asyncio.to_thread(ground.wait, lambda: ground.values(since_s).get("wsr_state") == 4.0)
+    said = ground.sentences(since_s)
+    for words in ("companion: preflight (engage)", "companion flies: acquiring (offboard_confirmed)"):
+        assert words in said, said
+    values = ground.values(since_s)
+    assert 0 <= values["wsr_brg"] < 360 and 0 <= values["wsr_rel"] <= 1 and values["wsr_range"] > 0
+    heartbeats = ground.of("HEARTBEAT", since_s)
+    assert {(one.get_srcSystem(), one.get_srcComponent(), one.type) for one in heartbeats} == {
+        (1, ONBOARD_COMPUTER, 18)
+    }
+    first, began_s, refused = await flying.px4(), time.monotonic(), 0
+    while time.monotonic() < began_s + _FLOOD_S:
+        refused += not (await flying.command("engage"))["ok"]
+    last = await flying.px4()
+    seconds = time.monotonic() - began_s
+    assert refused > 100, "each of them an answer to a person"
+    assert len(ground.of("STATUSTEXT", began_s)) <= BURST + PER_S * seconds + 1
+    assert last.setpoints - first.setpoints > 18 * seconds and last.largest_gap_s < 0.5
+    assert (await flying.status())["state"] in IN_OFFBOARD
+    print(f"{refused} refusals in {seconds:.1f} s, largest gap {last.largest_gap_s:.3f} s, said {said}, {values}")
