@@ -17,14 +17,14 @@ NAME: Final = 10
 _IDS: Final = 65535
 
 
-class Link(Protocol):
+class MavlinkSender(Protocol):
     def send(self, name: str, /, **fields: Any) -> None: ...
 
 
 class GroundStation:
     """`boot_ms` tells the vehicle's own time since its start, with which values are stamped."""
 
-    def __init__(self, link: Link, boot_ms: Callable[[], int]) -> None:
+    def __init__(self, link: MavlinkSender, boot_ms: Callable[[], int]) -> None:
         self._link = link
         self._boot_ms = boot_ms
         self._id = 0

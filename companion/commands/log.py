@@ -65,18 +65,20 @@ def repair(path: Path, out: Path | None) -> None:
 @log.command()
 @click.argument("path", metavar="LOG", type=_file)
 @click.option("--to", "formats", multiple=True, type=click.Choice(["tum", "csv", "dat", "npz"]), help="Else all.")
+@click.option("--ros2", is_flag=True, help="A rosbag2 folder (MCAP) of standard messages; alone unless --to is given.")
 @click.option("--out", type=_file, default=Path("export"), show_default=True, help="Folder for the files.")
-def export(path: Path, formats: tuple[str, ...], out: Path) -> None:
+def export(path: Path, formats: tuple[str, ...], ros2: bool, out: Path) -> None:
     """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
     from companion.analysis.imported import export as write
-    from companion.log.export import FORMATS
+    from companion.log.export import FORMATS, ROS2
     from companion.log.reader import open_session, understood
 
     session = open_session(path)
+    wanted = (*formats, ROS2) if ros2 else formats or FORMATS
     with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
-        written = write(session, formats or FORMATS, out, progress)
+        written = write(session, wanted, out, progress)
     if not written:
-        raise CompanionError(f"{path}: holds nothing that {', '.join(formats or FORMATS)} could show")
+        raise CompanionError(f"{path}: holds nothing that {', '.join(wanted)} could show")
     click.echo("written: " + ", ".join(map(str, written)))
 
 

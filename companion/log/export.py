@@ -1,4 +1,4 @@
-"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, NumPy.
+"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, NumPy, a rosbag2.
 
 Of a merged log each robot's streams have files of their own, with its name before theirs (`beacon_pose.tum`).
 """
@@ -17,12 +17,16 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
 from companion.core.messages import Pose, pose_of
 from companion.core.streams import APERTURE, CSI, POSE, POSE_IN, PROFILE, STREAMS, TRUTH, VEHICLE
+from companion.errors import CompanionError
 from companion.log.foxglove import power_of, time_ns
 from companion.log.reader import LoggedMessage, Progress, Session
+from companion.log.ros2 import FOLDER, Ros2Exporter
 from companion.sensing.records import ApertureRecord
 from csi_bridge.encoder import encode_file_record
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
+"""Those that need no extra."""
+ROS2: Final = "ros2"
 _TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, reverse=True))
 _TRAJECTORY: Final = POSE.topic + "/"
 
@@ -32,6 +36,8 @@ def export(session: Session, formats: Sequence[str], folder: Path, progress: Pro
 
     Raises OSError, and CompanionError for an unreadable log.
     """
+    if ROS2 in formats and (folder / FOLDER).exists():
+        raise CompanionError(f"{folder / FOLDER}: is there already; a bag is written anew: move it away, or use --out")
     made = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -45,12 +51,16 @@ def export(session: Session, formats: Sequence[str], folder: Path, progress: Pro
 
 def _written(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None) -> list[Path]:
     exporters = [_EXPORTERS[name](folder) for name in formats]
-    if exporters:
-        for message in session.messages(progress=progress):
+    try:
+        for message in session.messages(progress=progress) if exporters else ():
             robot, topic = _of_robot(message.topic)
             for exporter in exporters:
                 exporter.take(robot, topic, message)
-    return [path for exporter in exporters for path in exporter.finish()]
+        return [path for exporter in exporters for path in exporter.finish()]
+    finally:
+        for exporter in exporters:
+            if isinstance(exporter, Ros2Exporter):
+                exporter.close()
 
 
 class _Tum:
@@ -178,11 +188,12 @@ class _Npz:
         return [self._path]
 
 
-_EXPORTERS: Final[Mapping[str, Callable[[Path], _Tum | _Csv | _Dat | _Npz]]] = {
+_EXPORTERS: Final[Mapping[str, Callable[[Path], _Tum | _Csv | _Dat | _Npz | Ros2Exporter]]] = {
     "tum": _Tum,
     "csv": _Csv,
     "dat": _Dat,
     "npz": _Npz,
+    ROS2: Ros2Exporter,
 }
 
 

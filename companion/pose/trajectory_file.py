@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.pose.motive import LAYOUT, Row, is_motive, motive_rows
+from companion.pose.trajectory_bag import is_bag, read_bag
 from companion.pose.trajectory_checks import check_places, check_quaternions, check_speed, check_stamps, in_order
 from companion.pose.trajectory_columns import (
     EXPECTED,
@@ -55,6 +56,8 @@ class TrajectoryFile:
 def read_trajectory_file(path: Path) -> TrajectoryFile:
     """Any of the documented formats. Raises TrajectoryError naming the file, the line and what is expected."""
     notes: list[str] = []
+    if is_bag(path):
+        return _trajectory(path, *read_bag(path, notes), notes)
     lines = _lines(path, notes)
     rows = _rows(lines)
     if not rows:

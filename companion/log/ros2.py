@@ -1,0 +1,72 @@
+"""A log as a rosbag2 folder (MCAP storage, CDR) of standard ROS 2 messages, by the library `rosbags`.
+
+What each record becomes stands in `ros2_messages`; here are topics, frames and the bag. Imported by the export alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+from companion.errors import CompanionError
+from companion.log.reader import LoggedMessage
+from companion.log.ros2_messages import Messages, Rows
+
+FOLDER: Final = "rosbag2"
+VERSION: Final = 9
+"""Of rosbag2's metadata: ROS 2 Iron and newer read it, and so does whatever reads MCAP."""
+_EXTRA: Final = "needs the library rosbags: pip install 'wsr-companion[ros2]'"
+
+
+def library(name: str, what: str) -> ModuleType:
+    """A module of rosbags. Raises CompanionError that names the extra."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is not None and error.name.partition(".")[0] != "rosbags":
+            raise
+        raise CompanionError(f"{what} {_EXTRA}") from None
+
+
+class Ros2Exporter:
+    """As the other exporters of `companion.log.export`: takes messages, and finishes a folder below `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        rosbag2 = library("rosbags.rosbag2", "--ros2")
+        typesys = library("rosbags.typesys", "--ros2")
+        self._path = folder / FOLDER
+        self._typestore = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+        self._writer = rosbag2.Writer(self._path, version=VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP)
+        self._is_open = False
+        self._messages = Messages(self._typestore.types)
+        self._connections: dict[str, Any] = {}
+
+    def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
+        self._write(
+            f"/{robot[:-1]}" if robot else "", self._messages.of(robot[:-1], topic, message), message.log_time_ns
+        )
+
+    def finish(self) -> list[Path]:
+        if not self._is_open:
+            return []
+        self._is_open = False
+        self._writer.close()
+        return [self._path]
+
+    def close(self) -> None:
+        """Lets go of a bag that was not finished."""
+        if self._is_open:
+            self._is_open = False
+            self._writer.abort()
+
+    def _write(self, space: str, rows: Rows, t_ns: int) -> None:
+        for name, kind, content in rows:
+            topic = space + name
+            if topic not in self._connections:
+                if not self._is_open:
+                    self._writer.open()
+                    self._is_open = True
+                self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._typestore)
+            self._writer.write(self._connections[topic], t_ns, self._typestore.serialize_cdr(content, kind))

@@ -1,0 +1,117 @@
+"""A trajectory of a rosbag2 (a folder with metadata.yaml, or one .mcap file of it), by the library `rosbags`.
+
+Read are PoseStamped, PoseWithCovarianceStamped and Odometry, definitions as the bag has them. What comes out are rows
+as those of any other trajectory file, so that the same checks judge them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+from companion.pose.trajectory_columns import TrajectoryError
+
+_TYPES: Final = {
+    "geometry_msgs/msg/PoseStamped": "PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry": "Odometry",
+}
+_NS: Final = 1_000_000_000
+_MOST: Final = 10_000_000
+"""Messages: two weeks at motion capture's fastest common rate say something else is in there."""
+_DAMAGED: Final = (
+    ValueError, LookupError, TypeError, ArithmeticError, AttributeError, AssertionError, EOFError, RuntimeError,
+    MemoryError, OSError, struct.error,
+)  # fmt: skip
+"""What the library lets through of bytes that are no bag, beside errors of its own."""
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path, less a topic behind a #, is a folder with metadata.yaml, or named like an MCAP file."""
+    try:
+        bag, _ = _parted(path)
+        return bag.suffix == ".mcap" or (bag / "metadata.yaml").is_file()
+    except OSError:  # a name that no file can have
+        return False
+
+
+def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[float]]]]:
+    """What it was taken for, and (number of the message, [t, x, y, z, qx, qy, qz, qw]) in the order of the bag.
+
+    Raises TrajectoryError naming the bag and, where it is about one, the topic or the message.
+    """
+    bag, topic = _parted(path)
+    if not bag.exists():
+        raise TrajectoryError(f"{bag}: No such file or directory")
+    highlevel, typesys = _library("rosbags.highlevel", bag), _library("rosbags.typesys", bag)
+    try:
+        known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+        with highlevel.AnyReader([bag], default_typestore=known) as reader:
+            connection = _chosen(bag, topic, reader.connections)
+            kind = _TYPES[connection.msgtype]
+            rows = list(_rows(reader, connection))
+    except TrajectoryError:
+        raise
+    except _errors(highlevel) as error:
+        what = " ".join(str(error).split())[:200] or type(error).__name__
+        raise TrajectoryError(f"{bag}: not a rosbag2 that can be read: {what}") from None
+    stamped = [(number, values) for number, _, values in rows]
+    if rows and all(values[0] == 0 for _, values in stamped):
+        notes.append(f"{path}: {connection.topic} has no stamps in its headers; the bag's own times are used")
+        stamped = [(number, [t_ns / _NS, *values[1:]]) for number, t_ns, values in rows]
+    return f"rosbag2, {connection.topic} ({kind})", stamped
+
+
+def _parted(path: Path) -> tuple[Path, str]:
+    """The bag, and the topic asked for, if one was."""
+    if path.exists():
+        return path, ""
+    bag, mark, topic = str(path).partition("#")
+    return (Path(bag), f"/{topic.strip('/')}") if mark else (path, "")
+
+
+def _chosen(bag: Path, topic: str, connections: list[Any]) -> Any:
+    known = {one.topic: one for one in connections if one.msgtype in _TYPES}
+    listed = ", ".join(f"{name} ({_TYPES[one.msgtype]})" for name, one in sorted(known.items()))
+    kinds = ", ".join(_TYPES.values())
+    if topic and topic not in known:
+        raise TrajectoryError(f"{bag}: no topic {topic} with a trajectory; there are: {listed or 'none'}")
+    if not known:
+        there = ", ".join(sorted({one.msgtype for one in connections})[:10]) or "nothing"
+        raise TrajectoryError(f"{bag}: no trajectory; expected one of {kinds}, it holds {there}")
+    if not topic and len(known) > 1:
+        raise TrajectoryError(f"{bag}: {len(known)} topics with a trajectory; choose one as {bag}#TOPIC: {listed}")
+    return known[topic] if topic else next(iter(known.values()))
+
+
+def _rows(reader: Any, connection: Any) -> Iterator[tuple[int, int, list[float]]]:
+    for number, (_, t_ns, data) in enumerate(reader.messages(connections=[connection]), start=1):
+        if number > _MOST:
+            raise ValueError(f"more than {_MOST} messages of {connection.topic}")
+        message = reader.deserialize(data, connection.msgtype)
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        p, q, stamp = pose.position, pose.orientation, message.header.stamp
+        yield number, t_ns, [stamp.sec + stamp.nanosec * 1e-9, p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+
+
+def _library(name: str, bag: Path) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is not None and error.name.partition(".")[0] != "rosbags":
+            raise
+        raise TrajectoryError(
+            f"{bag}: a rosbag2 needs the library rosbags: pip install 'wsr-companion[ros2]'"
+        ) from None
+
+
+def _errors(highlevel: ModuleType) -> tuple[type[Exception], ...]:
+    """Of the library, its storages and its compression."""
+    zstd, apsw = importlib.import_module("backports.zstd"), importlib.import_module("apsw")
+    rosbag2, typesys = importlib.import_module("rosbags.rosbag2"), importlib.import_module("rosbags.typesys")
+    own = highlevel.AnyReaderError, rosbag2.ReaderError, typesys.TypesysError
+    return *_DAMAGED, *own, zstd.ZstdError, apsw.Error

@@ -1,0 +1,178 @@
+"""A log as a rosbag2: read back by the library that wrote it and by another one, message by message."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from companion.core.messages import pose_of
+from companion.core.streams import BEARING, LOG, POSE_IN, SETPOINT, TARGET, TRANSFORMS, VEHICLE
+from companion.log import foxglove
+from companion.log.lines import LogLine
+from companion.log.reader import LoggedMessage, open_session
+from companion.log.ros2_messages import Messages, _ellipsoid, _times
+from companion.log.writer import LogWriter
+from companion.pose.trajectory_file import read_trajectory_file
+from tests.bags import STORE
+from tests.log_commands import FLIGHT, Run, write_ulog
+
+
+def exported(companion: Run, log: Path, out: Path) -> Path:
+    code, text, err = companion("log", "export", log, "--ros2", "--out", out)
+    assert code == 0 and str(out / "rosbag2") in text, err
+    return out / "rosbag2"
+
+
+def by_topic(bag: Path) -> dict[str, list[Any]]:
+    """As `mcap-ros2-support` decodes them."""
+    found: dict[str, list[Any]] = {}
+    with (bag / "rosbag2.mcap").open("rb") as file:
+        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(channel.topic, []).append(message)
+    return found
+
+
+def test_two_readers_find_every_message_of_a_flight(companion: Run, tmp_path: Path) -> None:
+    bag = exported(companion, FLIGHT, tmp_path / "x")
+    session = open_session(FLIGHT)
+    logged = Counter(message.topic for message in session.messages())
+    messages = by_topic(bag)
+    assert len(messages["/pose"]) == len(messages["/pose/twist"]) == logged[POSE_IN.topic] > 3000
+    assert len(messages["/setpoint"]) == logged[SETPOINT.topic] > 200
+    assert len(messages["/bearing"]) == len(messages["/bearing/marker"]) == logged[BEARING.topic] == 12
+    assert len(messages["/target"]) == logged[TARGET.topic]
+    assert [one.data for one in messages["/mission"]][-1] == "approaching"
+    with AnyReader([bag]) as reader:
+        counts = {one.topic: one.msgcount for one in reader.connections}
+        assert counts == {topic: len(found) for topic, found in messages.items()}
+        types = {one.topic: one.msgtype for one in reader.connections}
+        assert types["/bearing/marker"] == "visualization_msgs/msg/MarkerArray"
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+
+
+def test_poses_are_those_of_the_log(companion: Run, tmp_path: Path) -> None:
+    bag = exported(companion, FLIGHT, tmp_path / "x")
+    poses = [(m, pose_of(m.data)) for m in open_session(FLIGHT).messages({POSE_IN.topic})]
+    stamped = by_topic(bag)["/pose"]
+    for (message, pose), found in zip(poses, stamped, strict=True):
+        p, q, stamp = found.pose.position, found.pose.orientation, found.header.stamp
+        assert (p.x, p.y, p.z) == pose.p_enu_m and (q.w, q.x, q.y, q.z) == pose.q_enu_from_body
+        assert stamp.sec * 10**9 + stamp.nanosec == message.publish_time_ns
+    assert stamped[0].header.frame_id == "tracker"
+    again = read_trajectory_file(Path(f"{bag}#/pose"))
+    np.testing.assert_array_equal(again.p_m, [pose.p_enu_m for _, pose in poses])
+
+
+def test_a_bearing_points_along_its_angles_and_a_target_has_its_covariance(companion: Run, tmp_path: Path) -> None:
+    messages = by_topic(exported(companion, FLIGHT, tmp_path / "x"))
+    logged = [msgspec.json.decode(m.data) for m in open_session(FLIGHT).messages({BEARING.topic})]
+    for record, found in zip(logged, messages["/bearing"], strict=True):
+        q, estimate = found.pose.orientation, record["estimate"]
+        turn = (q.w, q.x, q.y, q.z)
+        _, x, y, z = _times(_times(turn, (0.0, 1.0, 0.0, 0.0)), (q.w, -q.x, -q.y, -q.z))
+        assert math.atan2(y, x) == pytest.approx(estimate["azimuth_rad"], abs=1e-9)
+        assert estimate["polar_observable"] is False or math.acos(z) == pytest.approx(estimate["polar_rad"], abs=1e-6)
+        assert found.header.frame_id == "local"
+    report = msgspec.json.decode(next(iter(open_session(FLIGHT).messages({TARGET.topic}))).data)
+    covariance = np.array(messages["/target"][0].pose.covariance).reshape(6, 6)
+    np.testing.assert_array_equal(covariance[:3, :3], report["target"]["covariance_m2"])
+    (marker,) = messages["/target/marker"][0].markers
+    assert (marker.type, marker.id) == (2, report["peer"])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_ellipsoid_has_the_axes_of_its_covariance(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    root = chance.normal(size=(3, 3))
+    covariance = np.diag(chance.uniform(0.1, 4, 3)) if seed < 6 else root @ root.T
+    (w, x, y, z), std_m = _ellipsoid(covariance)
+    assert w * w + x * x + y * y + z * z == pytest.approx(1.0)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    np.testing.assert_allclose(turn @ np.diag(std_m**2) @ turn.T, covariance, atol=1e-9)
+
+
+def test_views_and_lines_of_a_merged_log_with_the_autopilots_inertial_data(companion: Run, tmp_path: Path) -> None:
+    session, own = open_session(FLIGHT), tmp_path / "own.mcap"
+    state = next(iter(session.messages({VEHICLE.topic})))
+    vehicle = _Vehicle(msgspec.json.decode(state.data))
+    turns = foxglove.transforms(5, vehicle)  # type: ignore[arg-type]
+    assert turns is not None
+    with own.open("wb") as file:
+        writer = LogWriter(file, {"role": "uav", "name": "uav", "config": "{}"})
+        writer.write(TRANSFORMS, 5, 5, 1, turns)
+        writer.write(LOG, 7, 7, 2, LogLine(30, "companion.flight", "a warning"))
+        writer.finish()
+    messages = by_topic(exported(companion, own, tmp_path / "x"))
+    assert [one.child_frame_id for one in messages["/tf"][0].transforms] == ["body"]
+    (said,) = messages["/rosout"]
+    assert (said.level, said.name, said.msg, said.stamp.nanosec) == (30, "companion.flight", "a warning", 7)
+    write_ulog(tmp_path / "px4.ulg", session)
+    assert companion("log", "merge", FLIGHT, "--ulg", tmp_path / "px4.ulg", "--out", tmp_path / "m.mcap")[0] == 0
+    assert "/pose" in by_topic(exported(companion, tmp_path / "m.mcap", tmp_path / "y"))
+
+
+def test_inertial_data_are_turned_to_forward_left_up_and_east_north_up() -> None:
+    made = Messages(STORE.types)
+
+    def of(topic: str, content: dict[str, float]) -> list[Any]:
+        logged = LoggedMessage(topic=topic, log_time_ns=9, data=msgspec.json.encode(content), publish_time_ns=9)
+        return [message for _, _, message in made.of("", topic, logged)]
+
+    sensed = {f"gyro_rad[{n}]": 0.1 * (n + 1) for n in range(3)}
+    sensed |= {f"accelerometer_m_s2[{n}]": value for n, value in enumerate((0.2, 0.3, -9.8))}
+    (before,) = of("/px4/sensor_combined", sensed)
+    assert before.orientation_covariance[0] == -1, "not known yet"
+    north = {f"q[{n}]": value for n, value in enumerate((1.0, 0.0, 0.0, 0.0))}
+    assert of("/px4/vehicle_attitude", north) == []
+    (imu,) = of("/px4/sensor_combined", sensed)
+    force, turn = imu.linear_acceleration, imu.angular_velocity
+    assert (force.x, force.y, force.z) == (0.2, -0.3, 9.8), "upwards when it rests"
+    assert (turn.x, turn.y, turn.z) == pytest.approx((0.1, -0.2, -0.3))
+    q = imu.orientation
+    assert 2 * math.atan2(q.z, q.w) % math.tau == pytest.approx(math.pi / 2), "the nose to the North"
+    assert (q.x, q.y) == pytest.approx((0, 0)) and imu.header.frame_id == "body"
+
+
+class _Vehicle:
+    def __init__(self, state: dict[str, Any]) -> None:
+        self.p_local_enu_m, self.yaw_enu_rad = state["p_local_enu_m"], state["yaw_enu_rad"]
+
+
+def test_a_bag_that_is_there_is_left_alone_and_nothing_is_left_of_a_log_without_one(
+    companion: Run, tmp_path: Path
+) -> None:
+    bag = exported(companion, FLIGHT, tmp_path / "x")
+    before = (bag / "rosbag2.mcap").read_bytes()
+    code, _, err = companion("log", "export", FLIGHT, "--ros2", "--out", tmp_path / "x")
+    assert code == 1 and "is there already" in err and (bag / "rosbag2.mcap").read_bytes() == before
+    empty = tmp_path / "empty.mcap"
+    with empty.open("wb") as file:
+        LogWriter(file, {"role": "uav", "name": "uav", "config": "{}"}).finish()
+    code, _, err = companion("log", "export", empty, "--ros2", "--out", tmp_path / "y")
+    assert code == 1 and "holds nothing that ros2 could show" in err and not (tmp_path / "y").exists()
+
+
+def test_without_the_library_its_extra_is_named(
+    companion: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    code, _, err = companion("log", "export", FLIGHT, "--ros2", "--out", tmp_path / "x")
+    assert code == 1 and "pip install 'wsr-companion[ros2]'" in err and not (tmp_path / "x").exists()
+    assert companion("log", "export", FLIGHT, "--out", tmp_path / "x")[0] == 0, "the others need nothing of it"
