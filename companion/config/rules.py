@@ -127,6 +127,8 @@ def _autopilot(config: Config) -> Iterator[str]:
             f"autopilot.forward_vio_hz: {autopilot.forward_vio_hz:g}; expected {MIN_VIO_HZ:g} or more with "
             "autopilot.gps: false, or the estimator has no position"
         )
+    if autopilot is not None and autopilot.signing_key_file is not None and autopilot.url.startswith("tcp"):
+        yield "autopilot.signing_key_file: not over TCP; expected an autopilot.url with serial, udpin or udpout"
     if config.flies_by_poses and config.pose_lost_s > _MAX_LOST_S:
         yield (
             f"pose.lost_s: {config.pose_lost_s:g}; expected {_MAX_LOST_S:g} or less with autopilot.gps: false, since "

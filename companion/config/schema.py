@@ -186,6 +186,9 @@ class AutopilotConfig:
     origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
     """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
     place for its hold and return, and takes declination and strength of the magnetic field from it."""
+    signing_key_file: str | None = None
+    """Key of MAVLink 2 message signing, 32 bytes, readable by its owner only, where the vehicle demands it; absent for
+    none. Over udpin, udpout and serial."""
     ground_hz: Annotated[float, Meta(ge=0, le=4)] = 0.0
     """How often ground stations are told bearing, range and state through the autopilot, with a sentence for each
     change of state and each refusal; 0 for never."""

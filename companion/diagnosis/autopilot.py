@@ -16,6 +16,7 @@ from companion.errors import ConfigError
 from companion.flight.status import vehicle_name
 from companion.radio.checks import Check
 from companion.safety.preflight import Heights, Requirement, other_vehicle, parameter_problems, required_parameters
+from companion.signing.autopilot import SignedAutopilot, signing_relay
 
 _VERSION_S = 3.0
 _LOOK_S = 0.05
@@ -30,7 +31,7 @@ async def autopilot_checks(config: Config, seconds: float, status: dict[str, Any
     if status is not None:
         return [_of_service(status), Check("parameters", None, "the running service holds the link", _STOP)]
     try:
-        async with _connected(config.autopilot, seconds) as edge:
+        async with _connected(config, config.autopilot, seconds) as edge:
             return [
                 _vehicle(edge.state()),
                 _arming(edge.state()),
@@ -50,10 +51,16 @@ def _of_service(status: dict[str, Any]) -> Check:
 
 
 @contextlib.asynccontextmanager
-async def _connected(config: AutopilotConfig, seconds: float) -> AsyncIterator[MavsdkAutopilot]:
+async def _connected(whole: Config, config: AutopilotConfig, seconds: float) -> AsyncIterator[MavsdkAutopilot]:
     """With the firmware's version and what its arming checks say, where the vehicle tells them."""
-    edge = MavsdkAutopilot(config.url, MonotonicClock(), system_id=config.system_id)
-    await edge.connect(seconds)
+    relay = signing_relay(whole)
+    edge = MavsdkAutopilot(relay.url if relay else config.url, MonotonicClock(), system_id=config.system_id)
+    link = SignedAutopilot(edge, relay) if relay else edge
+    try:
+        await link.connect(seconds)
+    except BaseException:
+        await link.aclose()
+        raise
     watch = asyncio.create_task(edge.watch())
     try:
         with contextlib.suppress(TimeoutError):
@@ -63,7 +70,7 @@ async def _connected(config: AutopilotConfig, seconds: float) -> AsyncIterator[M
         yield edge
     finally:
         watch.cancel()
-        await edge.aclose()
+        await link.aclose()
 
 
 def _vehicle(state: VehicleState) -> Check:

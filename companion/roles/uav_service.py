@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
+from companion.autopilot.port import Autopilot
 from companion.config.schema import Config
 from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
@@ -24,6 +25,7 @@ from companion.roles.node import Node
 from companion.roles.page import Page
 from companion.roles.uav import Uav
 from companion.sensing.worker_process import AoaProcess
+from companion.signing.autopilot import SignedAutopilot, signing_relay
 
 _log = logging.getLogger(__name__)
 
@@ -35,12 +37,14 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
     page = Page(config, clock, recorder)
     ground = Ground(config, clock, page.recorder)
+    relay = signing_relay(config)
     edges: list[MavsdkAutopilot] = []
 
-    def make_autopilot(odometry: PoseSink | None) -> MavsdkAutopilot:
+    def make_autopilot(odometry: PoseSink | None) -> Autopilot:
         # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-        edges.append(MavsdkAutopilot(url, MonotonicClock(), odometry, system_id, ground.is_on))
-        return edges[-1]
+        edge = MavsdkAutopilot(relay.url if relay else url, MonotonicClock(), odometry, system_id, ground.is_on)
+        edges.append(edge)
+        return SignedAutopilot(edge, relay) if relay else edge
 
     uav = Uav(
         config=config,

@@ -26,6 +26,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.host.unix_datagram import bind_datagram_socket
+from companion.signing.key import read_signing_key
 from companion.sim import truth
 from companion.sim.px4 import report
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Gusts
@@ -58,6 +59,7 @@ class Px4:
         kind: str = "px4",
         clock_rate: float = 1.0,
         drift_m: float = 0.5,
+        signing_key: bytes | None = None,
     ) -> None:
         """`clock_rate`: of the vehicle's clock against ours. `drift_m`: how far the estimate's Up wanders before the
         takeoff."""
@@ -65,7 +67,7 @@ class Px4:
         airframe = Airframe(AirframeLimits(), yaw_enu_rad, gusts)
         self.commander = Commander(airframe, now_ns, parameters, drift_m)
         clock = PowerUpClock(now_ns, _UP_S, clock_rate)
-        self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind])
+        self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind], signing_key)
         self.strangers: list[Px4] = []
         """Other vehicles on the same link."""
         self._now_ns = now_ns
@@ -116,6 +118,7 @@ class Px4:
             peer_heartbeats=link.peer_heartbeats,
             timesync_answers=link.timesync_answers,
             onboard_statuses=link.onboard_statuses,
+            refused=link.refused,
             vision=link.visions,
             vision_age_s=link.vision_age_s,
             vision_p_enu_m=None if link.vision is None else (link.vision.y, link.vision.x, -link.vision.z),
@@ -343,6 +346,7 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 @click.option("--kind", type=click.Choice(sorted(_KINDS)), default="px4", show_default=True, help="what it says it is")
 @click.option("--clock-rate", default=1.0, show_default=True, help="of the vehicle's clock against the host's")
 @click.option("--drift", "drift_m", default=0.5, show_default=True, help="of the estimate's Up on the ground [m]")
+@click.option("--signing-key", type=click.Path(path_type=Path), help="file of the key that it signs with and demands")
 @click.option("--param", "parameters", multiple=True, callback=_parameters, help="a parameter, NAME=VALUE")
 def main(
     connect: tuple[str, int],
@@ -356,12 +360,14 @@ def main(
     kind: str,
     clock_rate: float,
     drift_m: float,
+    signing_key: Path | None,
     parameters: dict[str, int | float],
 ) -> None:
     """A mock PX4 for simulation and tests."""
     px4 = Px4(
         time.monotonic_ns(), seed, yaw_enu_rad, parameters,
         system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m,
+        signing_key=None if signing_key is None else read_signing_key(signing_key),
     )  # fmt: skip
     runner = Runner(px4, connect, rate, truth_path, control, ground)
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+import time
 from collections import deque
 from typing import Any, Literal
 
@@ -38,7 +39,9 @@ class Px4Link:
         clock: PowerUpClock | None = None,
         system_id: int = 1,
         kind: int = mavlink.MAV_AUTOPILOT_PX4,
+        signing_key: bytes | None = None,
     ) -> None:
+        """With a `signing_key` it signs all it sends and takes nothing that is not signed with it."""
         self.commander = commander
         self.clock = clock or PowerUpClock(now_ns)
         self.mute: Mute = "nothing"
@@ -60,6 +63,12 @@ class Px4Link:
         self._out: list[bytes] = []
         self._handed_on: deque[bytes] = deque(maxlen=_HANDED_ON)
         self._mav = mavlink.MAVLink(self, srcSystem=system_id, srcComponent=1)
+        self.refused = 0
+        """Frames without the signature that is demanded."""
+        if signing_key is not None:
+            self._mav.signing.secret_key = signing_key
+            self._mav.signing.sign_outgoing = True
+            self._mav.signing.timestamp = round((time.time() - 1_420_070_400) * 1e5)
         self.streams = Streams(commander, self.clock, self._mav, kind, now_ns)
         self._arming = ArmingReports(commander, self.clock, self._mav)
 
@@ -75,7 +84,11 @@ class Px4Link:
             return []
         parser = mavlink.MAVLink(None)  # a datagram holds whole frames: what is left of one belongs to no other
         parser.robust_parsing = True
+        parser.signing = self._mav.signing
         for message in parser.parse_buffer(datagram) or ():
+            if message.get_type() == "BAD_DATA":
+                self.refused += 1
+                continue
             if self._is_for_others(message):
                 self._handed_on.append(bytes(message.get_msgbuf()))
             # PX4 reads TIMESYNC without looking at whom it is addressed to.

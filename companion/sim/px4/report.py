@@ -33,6 +33,8 @@ class Px4Report:
     history: list[tuple[int, str]]
     """When each mode began; the newest 200."""
     onboard_statuses: int = 0
+    refused: int = 0
+    """Frames without the signature it demands."""
     vision: int = 0
     """ODOMETRY messages taken."""
     vision_age_s: float | None = None
