@@ -22,9 +22,9 @@ socket_option = click.option(
 )
 
 
-def asked(path: Path, command: str) -> dict[str, Any]:
+def asked(path: Path, command: str, target: str | None = None) -> dict[str, Any]:
     """The answer of the service at `path`. Raises CompanionError when it refuses, or none is there."""
-    answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command))
+    answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command, target=target))
     if not answer.get("ok"):
         raise CompanionError(f"{command} refused: {answer.get('error', 'no reason given')}")
     return answer
@@ -32,10 +32,12 @@ def asked(path: Path, command: str) -> dict[str, Any]:
 
 @click.command()
 @socket_option
-def engage(socket_path: Path) -> None:
-    """Hand the vehicle to the companion: preflight, take off, approach."""
-    answer = asked(socket_path, "engage")
-    click.echo(f"engaged: {answer['vehicle']}" if "vehicle" in answer else "engaged")
+@click.option("--target", metavar="NAME", help="Name or id of the robot to fly to; in flight, instead of another one.")
+def engage(socket_path: Path, target: str | None) -> None:
+    """Hand the vehicle to the companion: preflight, take off, approach. In flight --target sends it to another robot."""
+    answer = asked(socket_path, "engage", target)
+    told = f": {answer['vehicle']}" if "vehicle" in answer else ""
+    click.echo(f"engaged{told}" + (f", to {answer['target']}" if "target" in answer else ""))
 
 
 @click.command()

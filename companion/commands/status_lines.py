@@ -33,7 +33,10 @@ def person_lines(status: Values) -> Iterator[tuple[str, str]]:
         yield "missing" if number == 0 else "", str(one)
     yield from _vehicle(status["vehicle"])
     yield "bearing", _bearing(status["bearing"], status["bearing_stale"])
-    yield "target", target_words(status["target"])
+    yield "target", f"{status['target_name']}: {target_words(status['target'])}"
+    for robot in status["robots"]:
+        if robot["id"] != status["target_id"]:
+            yield "other robot", f"{robot['name']} ({robot['id']}): {target_words(robot['place'])}"
 
 
 def health_items(status: Values, free_mib: float | None) -> list[Item]:

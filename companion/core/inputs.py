@@ -28,6 +28,8 @@ class Wish:
     """By the switch on the transmitter, not by a command."""
     vehicle: str = ""
     """Which one it was about: its system id, what it says it is, its firmware."""
+    target: int | None = None
+    """Id of the robot that was named to fly to; None where none was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,8 @@ class Event(StrEnum):
     """Packets and datagrams of the target come again, or are worth another try."""
     BEARING = "bearing"
     """A new reliable bearing."""
+    RETARGET = "retarget"
+    """A person named another robot to fly to while the vehicle flies."""
     ENGAGE = "engage"
 
 

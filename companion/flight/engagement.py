@@ -19,6 +19,7 @@ from companion.core.streams import SURROUNDINGS
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
 from companion.flight.status import vehicle_name
+from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
 from companion.safety.gate import GateLimits
 from companion.safety.preflight import (
@@ -28,6 +29,7 @@ from companion.safety.preflight import (
     parameter_problems,
     readiness_problems,
     required_parameters,
+    target_problems,
 )
 from companion.sensing.iterations import SarIterations
 
@@ -64,7 +66,6 @@ class Engagement:
         self._seen: tuple[int, Surroundings] | None = None
         self._intake = intake
         self._knowledge = knowledge
-        self._target = knowledge.neighbour
         self._autopilot = autopilot
         self._sar = sar
         self._recorder = recorder
@@ -80,9 +81,14 @@ class Engagement:
         """Which one would be engaged."""
         return vehicle_name(self._autopilot.state())
 
-    def not_ready(self) -> list[str]:
-        """What is missing now, in words, but for the autopilot's parameters, which must be asked for."""
-        return readiness_problems(self._readiness(), self._limits)
+    def not_ready(self, target: Neighbour | None = None) -> list[str]:
+        """What is missing now, in words, but for the autopilot's parameters, which must be asked for. For a flight to
+        `target`; without one to the robot that is the target already."""
+        return readiness_problems(self._readiness(target or self._knowledge.neighbour), self._limits)
+
+    def not_heard(self, target: Neighbour) -> list[str]:
+        """What is missing of a robot, in words, while the vehicle flies."""
+        return target_problems(self._readiness(target), self._limits)
 
     def check_again(self, course: Course) -> None:
         """The tick's own look at what `engage` has looked at, a moment later and with the parameters it has read."""
@@ -109,8 +115,9 @@ class Engagement:
         except AutopilotError as error:
             return str(error)
 
-    def _readiness(self) -> Readiness:
+    def _readiness(self, target: Neighbour) -> Readiness:
         vehicle, around = self._autopilot.state(), self._surroundings()
+        is_aimed_at = target is self._knowledge.neighbour
         return Readiness(
             observes=self._config.mission.control == "observe",
             autopilot_problem=around.autopilot_problem,
@@ -136,10 +143,10 @@ class Engagement:
             batteries_unknown=vehicle.batteries_unknown,
             pose_problem=self._intake.problem(),
             north_problem=self._intake.north_problem(),
-            datagram_age_s=self._knowledge.datagram_age_s(),
-            packet_age_s=self._knowledge.packet_age_s(),
-            bad_signatures=around.bad_signatures,
-            clock_problem=self._target.not_locked(self._clock.now_ns()),
+            datagram_age_s=self._knowledge.datagram_age_s(target.id),
+            packet_age_s=self._knowledge.packet_age_s(target.id),
+            bad_signatures=around.bad_signatures if is_aimed_at else target.refused.bad_key,
+            clock_problem=target.not_locked(self._clock.now_ns()),
             aoa_ready=self._sar.is_ready,
             recorder_failed=around.recorder_failed,
             free_mib=around.free_mib,
@@ -166,7 +173,7 @@ class Engagement:
             t_mono_ns=self._clock.now_ns(),
             autopilot_problem=self._autopilot.problem,
             parameters_checked=self._age_s(self._checked_ns) < _CHECKED_FOR_S,
-            bad_signatures=self._target.refused.bad_key,
+            bad_signatures=self._knowledge.neighbour.refused.bad_key,
             recorder_failed=self._recorder.failed,
             free_mib=_free_mib(self._config.path(self._config.recorder.path).parent),
             network_problem=self._network_problem(),

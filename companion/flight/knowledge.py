@@ -1,4 +1,4 @@
-"""What is known of the target: its packets and datagrams, its bearings, and the path that gave none."""
+"""What is known of the robots, and above all of the target: packets and datagrams, bearings, path that gave none."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from companion.flight.local_frame import LocalFrame
 from companion.flight.records import target_report
 from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
+from companion.neighbours.naming import named
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.safety.gate import GateLimits
@@ -53,8 +54,8 @@ class Knowledge:
         self._sar = sar
         self._course = course
         self._frame = frame
-        self.neighbour: Final = neighbours[config.target]
-        """The target as a sender of datagrams."""
+        self._neighbours = neighbours
+        self._target = config.target
         self.targets: Final = Targets(
             neighbours=neighbours,
             target=config.target,
@@ -62,11 +63,35 @@ class Knowledge:
             arrival_confidence=config.mission.arrival_confidence,
             limits=GateLimits(**asdict(config.gate)),
         )
-        self._packet_ns: int | None = None
+        self._packet_ns: dict[int, int] = {}
         self._packets = 0
         self._blind_legs = 0.0
         self._tries = 0
-        self._iteration: Iteration | None = None
+        self._iterations: dict[int, Iteration] = {}
+
+    @property
+    def neighbour(self) -> Neighbour:
+        """The target as a sender of datagrams."""
+        return self._neighbours[self._target]
+
+    @property
+    def robots(self) -> tuple[Neighbour, ...]:
+        """All that may be flown to, the target among them."""
+        return tuple(self._neighbours.values())
+
+    def named(self, word: str) -> Neighbour:
+        """The robot of that name or id. Raises CompanionError where there is none, or where it may mean two."""
+        return named(word, self.robots)
+
+    def select(self, peer: int) -> None:
+        """Another robot is the target from now on: its bearings, its silence and its nearness count, and path that
+        gave no bearing of the one before counts no more."""
+        if peer == self._target:
+            return
+        self._target = peer
+        self.targets.select(peer)
+        self._packets, self._blind_legs, self._tries = 0, 0.0, 0
+        _log.info("the target is %s", self.neighbour.name)
 
     def aim(self, vehicle: VehicleState) -> Aim | None:
         """Where to fly; None while nothing is known of the target."""
@@ -75,9 +100,8 @@ class Knowledge:
 
     def heard(self, sample: ChannelSample) -> None:
         """A packet was measured."""
-        if sample.peer == self.neighbour.id:
-            self._packet_ns = sample.t_mono_ns
-            self._packets += 1
+        self._packet_ns[sample.peer] = sample.t_mono_ns
+        self._packets += sample.peer == self._target
 
     def add_iteration(self, iteration: Iteration) -> None:
         """A SAR iteration has ended."""
@@ -87,7 +111,9 @@ class Knowledge:
             target = self.targets.add(iteration.peer, bearing, self._frame.ground_m)
             self._recorder.record(TARGET, bearing.t_mono_ns, target_report(iteration, bearing, target))
             steers = bearing.reliability >= self._config.min_reliability or target.probability >= _FOUND
-        if iteration.peer == self.neighbour.id:
+        if iteration.estimate is not None:
+            self._iterations[iteration.peer] = iteration
+        if iteration.peer == self._target:
             self._note(iteration, steers)
 
     @property
@@ -98,7 +124,7 @@ class Knowledge:
     @property
     def iteration(self) -> Iteration | None:
         """The newest of the target that gave an estimate, whether it may steer or not."""
-        return self._iteration
+        return self._iterations.get(self._target)
 
     @property
     def blind_legs(self) -> float:
@@ -110,11 +136,13 @@ class Knowledge:
         """Times the vehicle has held since then."""
         return self._tries
 
-    def packet_age_s(self) -> float:
-        return age_s(self._packet_ns, self._clock.now_ns())
+    def packet_age_s(self, peer: int | None = None) -> float:
+        """Of a robot; of the target where none is given."""
+        return age_s(self._packet_ns.get(self._target if peer is None else peer), self._clock.now_ns())
 
-    def datagram_age_s(self) -> float:
-        return age_s(self.neighbour.heard_ns, self._clock.now_ns())
+    def datagram_age_s(self, peer: int | None = None) -> float:
+        """Of a robot; of the target where none is given."""
+        return age_s(self._neighbours[self._target if peer is None else peer].heard_ns, self._clock.now_ns())
 
     def age_s(self) -> float:
         """Since the target was last heard, by its packets and by its datagrams, whichever is older."""
@@ -123,7 +151,7 @@ class Knowledge:
     def is_stale(self) -> bool:
         """Whether what is known of the target's direction is old: it is silent, legs gave none, or the worker hangs or
         is gone."""
-        if self._iteration is None:
+        if self.iteration is None:
             return True
         late = self._sar.waiting_s() > _BEARING_LATE_S or not self._sar.is_ready
         return self.age_s() > self._config.silent_s or late or self._blind_legs >= self._config.blind_legs
@@ -150,7 +178,6 @@ class Knowledge:
         if iteration.estimate is None:
             _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
             return
-        self._iteration = iteration
         if steers and self._sar.is_measuring:  # not of a flight that was broken off since
             self._blind_legs, self._tries = 0.0, 0
             self._course.report(Event.BEARING)

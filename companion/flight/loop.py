@@ -102,6 +102,7 @@ class Flight:
             recorder=recorder,
             course=self._course,
             engagement=self._engagement,
+            knowledge=self.knowledge,
             switch=switch,
             beside=self._commands.beside,
         )
@@ -227,7 +228,7 @@ class Flight:
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
         self._measure(now_ns, moving)
-        setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving)
+        setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving, self._targets.others())
         if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD

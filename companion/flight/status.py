@@ -10,6 +10,7 @@ from companion.core.messages import VehicleState
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
 from companion.guidance.target import Target
+from companion.neighbours.neighbour import Neighbour
 from companion.sensing.records import Iteration
 
 
@@ -38,6 +39,9 @@ def status(
         "bearing_stale": knowledge.is_stale(),
         "target_range_m": None if target is None else _finite(target.range_m),
         "target": None if target is None else _target(target),
+        "target_id": knowledge.neighbour.id,
+        "target_name": knowledge.neighbour.name,
+        "robots": [_robot(knowledge, robot) for robot in knowledge.robots],
         "streaming": streaming,
         "vehicle": _vehicle(vehicle),
         "overruns": overruns,
@@ -67,6 +71,18 @@ def _target(target: Target) -> dict[str, Any]:
         "azimuth_deg": math.degrees(target.azimuth_rad),
         "probability": target.probability,
         "rivals": len(target.rivals),
+    }
+
+
+def _robot(knowledge: Knowledge, robot: Neighbour) -> dict[str, Any]:
+    """One that may be flown to: whether it is heard, and what is known of where it is."""
+    found = knowledge.targets.found(robot.id)
+    return {
+        "id": robot.id,
+        "name": robot.name,
+        "packet_age_s": _finite(knowledge.packet_age_s(robot.id)),
+        "datagram_age_s": _finite(knowledge.datagram_age_s(robot.id)),
+        "place": None if found is None else _target(found),
     }
 
 

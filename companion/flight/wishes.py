@@ -16,13 +16,19 @@ from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import WISH
 from companion.flight.course import Course
+from companion.errors import CompanionError
 from companion.flight.engagement import Engagement
+from companion.flight.knowledge import Knowledge
 from companion.flight.rc_switch import RcSwitch
 from companion.mission.table import State
+from companion.neighbours.neighbour import Neighbour
 
 _log = logging.getLogger(__name__)
 _RC_S: Final = 1.0
 """RC_CHANNELS come at 5 Hz. After a longer silence how the switch stands is not known."""
+
+_CHANGEABLE: Final = frozenset({State.TAKING_OFF, State.ACQUIRING, State.APPROACHING, State.HOLDING})
+"""States in which the vehicle is on its way to a robot, and may be sent to another one."""
 
 Beside = Callable[[Coroutine[Any, Any, None], str], None]
 
@@ -37,6 +43,7 @@ class Wishes:
         recorder: Recorder,
         course: Course,
         engagement: Engagement,
+        knowledge: Knowledge,
         switch: RcSwitch | None,
         beside: Beside,
     ) -> None:
@@ -44,13 +51,29 @@ class Wishes:
         self._recorder = recorder
         self._course = course
         self._engagement = engagement
+        self._knowledge = knowledge
         self._switch = switch
         self._beside = beside
         self._aborts = 0
 
-    async def engage(self) -> str:
-        """To hand over the vehicle. Returns the whole list of what stands against it, or nothing."""
-        return self.answer(Event.ENGAGE, await self._refusal())
+    async def engage(self, target: str | None = None) -> str:
+        """To hand over the vehicle, to fly to the robot of that name or id; without one to the robot that is the target
+        already. In flight it may be sent to another one. Returns the whole list of what stands against it, or nothing.
+        """
+        if target is None:
+            return self.answer(Event.ENGAGE, await self._refusal(None))
+        try:
+            robot = self._knowledge.named(target)
+        except CompanionError as error:
+            return self.answer(Event.ENGAGE, str(error))
+        if self._course.state in _CHANGEABLE:
+            return self.answer(Event.RETARGET, self._kept(robot), target=robot.id)
+        return self.answer(Event.ENGAGE, await self._refusal(robot), target=robot.id)
+
+    @property
+    def target(self) -> str:
+        """Name of the robot that is flown to."""
+        return self._knowledge.neighbour.name
 
     @property
     def vehicle(self) -> str:
@@ -68,11 +91,14 @@ class Wishes:
         self._aborts += 1
         self._course.withdraw()
 
-    def answer(self, wish: Event, refusal: str, by_switch: bool = False) -> str:
-        """A wish has been answered: granted, if there is no refusal."""
+    def answer(self, wish: Event, refusal: str, by_switch: bool = False, target: int | None = None) -> str:
+        """A wish has been answered: granted, if there is no refusal; then `target`, if there is one, is flown to."""
         with self._clock.event() as now_ns:
-            self._recorder.record(WISH, now_ns, Wish(now_ns, wish, refusal, by_switch, self._engagement.vehicle))
+            told = Wish(now_ns, wish, refusal, by_switch, self._engagement.vehicle, target)
+            self._recorder.record(WISH, now_ns, told)
             if not refusal:
+                if target is not None:
+                    self._knowledge.select(target)
                 _log.info("%s: %s", wish, self._engagement.vehicle)
                 self._course.report(wish)
             elif by_switch:
@@ -94,11 +120,18 @@ class Wishes:
             self._course.report(wish)
 
     async def _engage_by_switch(self) -> None:
-        self.answer(Event.ENGAGE, await self._refusal(), by_switch=True)
+        self.answer(Event.ENGAGE, await self._refusal(None), by_switch=True)
 
-    async def _refusal(self) -> str:
+    def _kept(self, robot: Neighbour) -> str:
+        """Why the vehicle keeps to the target it has."""
+        if robot.id == self._knowledge.neighbour.id:
+            return f"the mission is {self._course.state} already, to {robot.name}"
+        return "; ".join(f"{robot.name}: {problem}" for problem in self._engagement.not_heard(robot))
+
+    async def _refusal(self, robot: Neighbour | None) -> str:
         if self._course.state not in (State.IDLE, State.LATCHED):
             return f"the mission is {self._course.state} already"
-        aborts, missing = self._aborts, self._engagement.not_ready() + await self._engagement.parameter_problems()
+        aborts = self._aborts
+        missing = self._engagement.not_ready(robot) + await self._engagement.parameter_problems()
         # Reading parameters takes a moment, and an abort means nothing to a mission that is still at rest.
         return "; ".join(missing + (["it was aborted meanwhile"] if self._aborts != aborts else []))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint, Vector3
+from companion.guidance.clearance import clear_of
 from companion.guidance.motion import Motion
 from companion.guidance.steering import Aim, climb, kept_inside, search, towards
 from companion.safety.gate import GateLimits
@@ -69,11 +71,13 @@ class Approach:
         self._motion.shift(delta_enu_m)
         self._ground_m += delta_enu_m[2]
 
-    def setpoint(self, now_ns: int, aim: Aim | None, moving: bool) -> Setpoint:
-        """The set point of this tick: towards `aim`, searching without one; without `moving` the vehicle stops."""
+    def setpoint(self, now_ns: int, aim: Aim | None, moving: bool, others_m: Sequence[Vector3] = ()) -> Setpoint:
+        """The set point of this tick: towards `aim`, searching without one, around robots at `others_m`; without `moving`
+        the vehicle stops."""
         elapsed_s = 0.0 if self._tick_ns is None else (now_ns - self._tick_ns) / NS_PER_S
         self._tick_ns = now_ns
         wished = self._wished(aim) if moving else (0.0, 0.0, 0.0)
+        wished = clear_of(wished, self._motion.p_m, others_m, self._limits.min_neighbour_m)
         self._motion.step(kept_inside(wished, self._motion.p_m, self._limits), elapsed_s)
         gone_m = math.hypot(*self._motion.v_m_s) * min(elapsed_s, _LONGEST_TICK_S)
         self._phase_rad += self._turn_per_m * gone_m

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -86,9 +86,25 @@ class Targets:
             self._new += bearing.fresh
         return found
 
+    def select(self, peer: int) -> None:
+        """Another robot is flown to from now on. What is known of all of them stays; that the one before seemed near
+        says nothing of this one."""
+        if peer == self._target:
+            return
+        self._target = peer
+        self._near = self._new = 0.0
+        tracker = self._trackers.get(peer)
+        self._nearer_m = None if tracker is None else tracker.nearer_source()
+        self._inside = TargetTracker(self._reach) if tracker is None else tracker.on_condition(self._reach)
+        self._instead = None
+
     @property
     def target(self) -> Target | None:
         return self._found.get(self._target)
+
+    def found(self, peer: int) -> Target | None:
+        """What is known of a robot; None before its first bearing."""
+        return self._found.get(peer)
 
     def aim(self, p_local_enu_m: Vector3) -> Aim | None:
         """Where the target is from a place; None while nothing is known of it."""
@@ -126,10 +142,17 @@ class Targets:
 
     def places(self) -> tuple[Vector3, ...]:
         """Where robots are known to be, in the autopilot's local frame."""
+        return self._known_places(self._found)
+
+    def others(self) -> tuple[Vector3, ...]:
+        """Of those, the ones that are not flown to."""
+        return self._known_places(peer for peer in self._found if peer != self._target)
+
+    def _known_places(self, peers: Iterable[int]) -> tuple[Vector3, ...]:
         known = (
             self._place(peer)
-            for peer, found in self._found.items()
-            if found.range_std_m < _KNOWN_STD_M and found.probability > _LIKELY
+            for peer in peers
+            if self._found[peer].range_std_m < _KNOWN_STD_M and self._found[peer].probability > _LIKELY
         )
         return tuple(place for place in known if place is not None)
 

@@ -8,6 +8,7 @@ seem nearer than it is. The model is in docs/guidance.md.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
 from collections.abc import Callable
@@ -133,6 +134,12 @@ class TargetTracker:
         apart_m = self._origins_m + (np.array(target_p_enu_m) - np.array(p_local_enu_m))
         near = np.einsum("nx,nx->n", apart_m, apart_m) < range_m**2
         return float(np.exp(self._log_weight[near]).sum())
+
+    def on_condition(self, allowed: Callable[[_Floats], _Bools]) -> TargetTracker:
+        """The same belief, from its next bearing on on condition that the target is at an allowed place."""
+        other = copy.deepcopy(self)
+        other._allowed = allowed
+        return other
 
     def target(self) -> Target:
         """What all bearings together say. Raises AssertionError before the first."""

@@ -18,7 +18,8 @@ from typing import Any, Final
 
 from companion.errors import CompanionError
 
-Handler = Callable[[str], Awaitable[dict[str, Any]]]
+Handler = Callable[[str, str | None], Awaitable[dict[str, Any]]]
+"""Answers a command; the second is the robot that it names, if it names one."""
 Answer = Callable[[bytes, asyncio.StreamWriter], Awaitable[dict[str, Any]]]
 STATUS_SOCKET: Final = "status.sock"
 """Name of the status socket where the configuration gives no other."""
@@ -79,17 +80,17 @@ class ControlServer:
         _, uid, _ = _UCRED.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))
         if uid not in (0, os.getuid()):
             return {"ok": False, "error": f"user {uid} may not command this service"}
-        command = _command_of(line)
-        return _NO_COMMAND if command is None else await self._handler(command)
+        command, target = _command_of(line)
+        return _NO_COMMAND if command is None else await self._handler(command, target)
 
     async def _answer_status(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
         """Who may open the socket may ask; the file's mode decides that."""
-        command = _command_of(line)
+        command, target = _command_of(line)
         if command is None:
             return _NO_COMMAND
         if command not in _CHANGE_NOTHING:
             return {"ok": False, "error": f"{command!r} is for the service's user and root; here you may ask: status"}
-        return await self._handler(command)
+        return await self._handler(command, target)
 
 
 async def _refuse_second_service(path: Path) -> None:
@@ -122,19 +123,24 @@ async def _serve(answer: Answer, reader: asyncio.StreamReader, writer: asyncio.S
     writer.close()
 
 
-def _command_of(line: bytes) -> str | None:
+def _command_of(line: bytes) -> tuple[str | None, str | None]:
+    """The command, None where there is none, and the robot that is named."""
     try:
-        return str(json.loads(line)["command"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
+        asked = json.loads(line)
+        target = asked.get("target")
+        return str(asked["command"]), None if target is None else str(target)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None, None
 
 
-async def ask(path: Path, command: str, timeout_s: float = 5.0) -> dict[str, Any]:
-    """Sends one command and returns the answer. Raises CompanionError when no service answers there."""
+async def ask(path: Path, command: str, timeout_s: float = 5.0, target: str | None = None) -> dict[str, Any]:
+    """Sends one command, about the robot `target` if one is named, and returns the answer. Raises CompanionError when no
+    service answers there."""
+    asked = {"command": command} | ({} if target is None else {"target": target})
     try:
         async with asyncio.timeout(timeout_s):
             reader, writer = await asyncio.open_unix_connection(path, limit=_LINE_BYTES)
-            writer.write(json.dumps({"command": command}).encode() + b"\n")
+            writer.write(json.dumps(asked).encode() + b"\n")
             line = await reader.readline()
             writer.close()
             answer = json.loads(line)

@@ -65,8 +65,8 @@ def views(
             yield APERTURE_PATH, foxglove.poses_in_frame(t_ns, message.positions_m())
         case Iteration(estimate=estimate, p_local_enu_m=place) if estimate is not None and place is not None:
             yield SCENE, foxglove.bearing_arrow(t_ns, f"bearing {message.number}", place, estimate)
-        case TargetReport(target=target, p_local_enu_m=place) if place is not None:
-            yield SCENE, foxglove.target_sphere(t_ns, place, target.range_std_m)
+        case TargetReport(peer=peer, target=target, p_local_enu_m=place) if place is not None:
+            yield SCENE, foxglove.target_sphere(t_ns, f"robot {peer}", place, target.range_std_m)
         case _:
             return
 

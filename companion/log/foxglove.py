@@ -136,13 +136,13 @@ def bearing_arrow(t_ns: int, name: str, p_local_enu_m: Vector3, estimate: AoaEst
     return SceneUpdate(entities=[SceneEntity(timestamp=stamp(t_ns), frame_id=LOCAL, id=name, arrows=[arrow])])
 
 
-def target_sphere(t_ns: int, p_local_enu_m: Vector3, std_m: float) -> SceneUpdate:
-    """Where the target is thought to be, as large as the doubt about its range."""
+def target_sphere(t_ns: int, name: str, p_local_enu_m: Vector3, std_m: float) -> SceneUpdate:
+    """Where a robot is thought to be, as large as the doubt about its range."""
     size = 2 * min(max(std_m, 0.1), 5.0)
     sphere = SpherePrimitive(
         pose=_pose(p_local_enu_m, _IDENTITY), size=FoxgloveVector3(x=size, y=size, z=size), color=_RED
     )
-    return SceneUpdate(entities=[SceneEntity(timestamp=stamp(t_ns), frame_id=LOCAL, id="target", spheres=[sphere])])
+    return SceneUpdate(entities=[SceneEntity(timestamp=stamp(t_ns), frame_id=LOCAL, id=name, spheres=[sphere])])
 
 
 def log(t_ns: int, line: LogLine) -> Log:

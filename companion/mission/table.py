@@ -98,6 +98,8 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.TAKING_OFF, _E.OFFBOARD_REFUSED): (_S.LATCHED, _LEAVE),
     (_S.TAKING_OFF, _E.OFFBOARD_CONFIRMED): (_S.ACQUIRING, ()),
     **{(state, event): step for state in _STREAMING for event, step in _COMMON.items()},
+    # Another robot: the path goes on, and nothing of the one before makes the vehicle arrive or hold.
+    **{(state, _E.RETARGET): (_S.ACQUIRING, ()) for state in _STREAMING},
     (_S.ACQUIRING, _E.POSE_STALE): (_S.HOLDING, ()),
     (_S.ACQUIRING, _E.BEARING_STALE): (_S.HOLDING, ()),
     (_S.ACQUIRING, _E.BEARING): (_S.APPROACHING, ()),

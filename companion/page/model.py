@@ -81,6 +81,11 @@ class Model:
             "bearing": self.bearing,
             "refusal": self._refusal,
             "target": self.target,
+            "target_name": self._name(self._aimed_at),
+            "robots": [
+                {"id": peer, "name": name, "place": self._places.get(peer)}
+                for peer, name in self.known.get("peers", {}).items()
+            ],
             "health": as_rows([] if self._ended else self.items(silent_s)),
             "rates": self._rates(),
             "events": list(self._events),
@@ -105,6 +110,11 @@ class Model:
         return self._counts[-1][1] if self._counts else {}
 
     @property
+    def target(self) -> dict[str, Any] | None:
+        """What is known of where the robot is that is flown to."""
+        return self._places.get(self._aimed_at or next(iter(self._places), ""))
+
+    @property
     def state(self) -> str:
         """Of the mission; empty before anything is known."""
         return self._state
@@ -127,7 +137,10 @@ class Model:
         self._state_ns = 0
         self.bearing: dict[str, Any] | None = None
         self._refusal: dict[str, Any] | None = None
-        self.target: dict[str, Any] | None = None
+        self._places: dict[str, dict[str, Any]] = {}
+        """By peer: the newest that a bearing of it made of where it is."""
+        self._aimed_at: str | None = None
+        """The robot that is flown to; None before anything is known of that."""
         self._trail: deque[list[float]] = deque(maxlen=_TRAIL)
         self._bearings: deque[list[float]] = deque(maxlen=_BEARINGS)
         self._events: deque[dict[str, Any]] = deque(maxlen=_EVENTS)
@@ -153,10 +166,14 @@ class Model:
 
     def _take_introduction(self, t_ns: int, data: Data) -> None:
         self.known = data
+        if self._aimed_at is None and "target" in data:
+            self._aimed_at = str(data["target"])
         self._state = data["role"] if data["role"] != "uav" else self._state or "idle"
 
     def _take_status(self, t_ns: int, data: Data) -> None:
         self._status = data
+        if "target_id" in data:
+            self._aim_at(str(data["target_id"]))
         self._state, self._reason = str(data.get("state", self._state)), str(data.get("reason", self._reason))
 
     def _take_counts(self, t_ns: int, data: Data) -> None:
@@ -190,7 +207,7 @@ class Model:
         self._tell(t_ns, "mission", f"{data['state']} to {data['next_state']}: {data['reason'] or data['event']}")
 
     def _take_bearing(self, t_ns: int, data: Data) -> None:
-        if str(data["peer"]) != str(self.known.get("target", data["peer"])):
+        if self._aimed_at not in (None, str(data["peer"])):
             return
         found = parts.bearing_part(data, self._seconds(t_ns))
         if found is None:
@@ -205,8 +222,7 @@ class Model:
             self.path_version += 1
 
     def _take_target(self, t_ns: int, data: Data) -> None:
-        if str(data["peer"]) == str(self.known.get("target", data["peer"])):
-            self.target = parts.target_part(data, self._seconds(t_ns))
+        self._places[str(data["peer"])] = parts.target_part(data, self._seconds(t_ns))
 
     def _take_profile(self, t_ns: int, data: Data) -> None:
         self.profile = data
@@ -221,7 +237,22 @@ class Model:
 
     def _take_wish(self, t_ns: int, data: Data) -> None:
         refusal = f", refused: {data['refusal']}" if data["refusal"] else ""
-        self._tell(t_ns, "wish", f"{data['wish']}{refusal}")
+        named = data.get("target")
+        to = "" if named is None else f" to {self._name(str(named))}"
+        self._tell(t_ns, "wish", f"{data['wish']}{to}{refusal}")
+        if named is not None and not data["refusal"]:
+            self._aim_at(str(named))
+
+    def _aim_at(self, peer: str) -> None:
+        """Bearings of the one before are none of this robot."""
+        if self._aimed_at not in (None, peer):
+            self.bearing = self._refusal = None
+            self._bearings.clear()
+            self.path_version += 1
+        self._aimed_at = peer
+
+    def _name(self, peer: str | None) -> str:
+        return str(self.known.get("peers", {}).get(peer, peer or ""))
 
     def _take_command(self, t_ns: int, data: Data) -> None:
         if data["error"]:

@@ -111,10 +111,10 @@ class PageServer:
         if not access.is_own_command(request):
             raise web.HTTPForbidden(text=f"a command comes from the page itself, with {access.COMMAND_HEADER}\n")
         try:
-            answer = await ask(self._control, name, _ENGAGE_S)
+            answer = await ask(self._control, name, _ENGAGE_S, request.query.get("target"))
         except CompanionError as error:
             answer = {"ok": False, "error": str(error)}
-        shown = {key: answer[key] for key in ("ok", "error", "vehicle") if key in answer}
+        shown = {key: answer[key] for key in ("ok", "error", "vehicle", "target") if key in answer}
         return web.json_response(shown, status=200 if answer.get("ok") else 409)
 
 

@@ -249,7 +249,7 @@ class Player:
             uav.node.each_second()
         elif topic == WISH.topic:
             wish = msgspec.json.decode(data, type=Wish)
-            uav.flight.wishes.answer(wish.wish, wish.refusal, wish.by_switch)
+            uav.flight.wishes.answer(wish.wish, wish.refusal, wish.by_switch, wish.target)
         elif topic == WORKER.topic:
             is_ready = msgspec.json.decode(data, type=WorkerState).is_ready
             (self.worker.ready.set if is_ready else self.worker.ready.clear)()

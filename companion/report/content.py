@@ -79,11 +79,17 @@ class FlightContent:
     """The mission's transitions."""
     targets: list[tuple[float, dict[str, Any]]] = field(default_factory=list)
     """What each bearing made of the target that is flown to."""
+    aims: list[tuple[float, int]] = field(default_factory=list)
+    """From when on which robot was flown to, where one was named; before, it is the configuration's."""
     timeline: Timeline | None = None
 
     def seconds(self, t_mono_ns: int) -> float:
         """Since the first message, of a monotonic time."""
         return (t_mono_ns + self.session.wall_minus_mono_ns - self.start_ns) / 1e9
+
+    def target_at(self, t_s: float) -> int:
+        """Id of the robot that was flown to."""
+        return next((peer for since_s, peer in reversed(self.aims) if since_s <= t_s), self.config.target)
 
     def peer_name(self, peer: int) -> str:
         return next((one.name for one in self.config.peers if one.id == peer), str(peer))
@@ -94,11 +100,13 @@ class FlightContent:
 
     def true_distances(self) -> list[tuple[float, float]]:
         """(seconds, metres) between our antenna and the target's, where the truth knows; a few a second."""
-        target = self.peer_name(self.config.target)
-        if target not in self.truth.peers_m:
-            return []
-        apart_m = np.linalg.norm(self.truth.peers_m[target] - self.truth.antenna_m, axis=1)
-        rows = [(self.seconds(t_ns), d) for t_ns, d in zip(self.truth.t_ns.tolist(), apart_m.tolist(), strict=True)]
+        apart_m = {
+            name: np.linalg.norm(places_m - self.truth.antenna_m, axis=1).tolist()
+            for name, places_m in self.truth.peers_m.items()
+        }
+        times_s = [self.seconds(t_ns) for t_ns in self.truth.t_ns.tolist()]
+        names = [self.peer_name(self.target_at(t_s)) for t_s in times_s]
+        rows = [(t_s, apart_m[name][k]) for k, (t_s, name) in enumerate(zip(times_s, names, strict=True)) if name in apart_m]
         seen = [(t_s, d) for t_s, d in rows if 0 <= t_s <= self.duration_s and np.isfinite(d)]
         return seen[:: max(1, len(seen) // _DISTANCES)]
 
@@ -142,7 +150,7 @@ def _gather(
             _take_vehicle(content, t_s, msgspec.json.decode(message.data))
         elif message.topic == TARGET.topic:
             report = msgspec.json.decode(message.data)
-            content.targets += [(t_s, report)] if report["peer"] == content.config.target else []
+            content.targets += [(t_s, report)] if report["peer"] == content.target_at(t_s) else []
         elif message.topic == HEALTH.topic:
             content.health.append((t_s, msgspec.json.decode(message.data)))
         else:
@@ -182,6 +190,11 @@ def _events(content: FlightContent, t_s: float, message: LoggedMessage) -> Itera
             t_s, "gate", "refuses: " + "; ".join(values["reasons"]) if values["reasons"] else "passes again"
         )
     elif message.topic == WISH.topic:
-        yield EventLine(t_s, "wish", values["wish"] + (f", refused: {values['refusal']}" if values["refusal"] else ""))
+        named = values.get("target")
+        if named is not None and not values["refusal"]:
+            content.aims.append((t_s, named))
+        to = "" if named is None else f" to {content.peer_name(named)}"
+        refused = f", refused: {values['refusal']}" if values["refusal"] else ""
+        yield EventLine(t_s, "wish", f"{values['wish']}{to}{refused}")
     else:
         yield EventLine(t_s, "command", values["error"] or f"done: {values['event'] or 'nothing to report'}")

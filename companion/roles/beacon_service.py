@@ -25,7 +25,7 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
     node = Node(config, clock, page.recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
     sockets = config.path(config.control_socket), config.path(config.status_socket)
-    control = ControlServer(sockets[0], lambda command: _answer(node, command), sockets[1])
+    control = ControlServer(sockets[0], lambda command, target: _answer(node, command), sockets[1])
     try:
         node.open()
         await control.open()

@@ -57,7 +57,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     worker.answers.connect(uav.sar.take_answer)
     worker.readiness.connect(uav.sar.note_worker)
     sockets = config.path(config.control_socket), config.path(config.status_socket)
-    control = ControlServer(sockets[0], lambda command: _answer(uav, command), sockets[1])
+    control = ControlServer(sockets[0], lambda command, target: _answer(uav, command, target), sockets[1])
     try:
         uav.node.open()
         await control.open()
@@ -84,14 +84,17 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         await page.aclose()
 
 
-async def _answer(uav: Uav, command: str) -> dict[str, Any]:
+async def _answer(uav: Uav, command: str, target: str | None) -> dict[str, Any]:
+    if target is not None and command != "engage":
+        return {"ok": False, "error": f"{command} takes no target"}
     match command:
         case "status":
             about = introduction(uav.node.config, "live")
             return {"ok": True, "about": about, **uav.flight.status(), "health": asdict(uav.node.health())}
         case "engage":
-            refusal = await uav.flight.wishes.engage()
-            return {"ok": not refusal, "error": refusal, "vehicle": uav.flight.wishes.vehicle}
+            wishes = uav.flight.wishes
+            refusal = await wishes.engage(target)
+            return {"ok": not refusal, "error": refusal, "vehicle": wishes.vehicle, "target": wishes.target}
         case "abort":
             uav.flight.wishes.abort()
             return {"ok": True, "error": ""}

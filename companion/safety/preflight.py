@@ -204,7 +204,6 @@ _TIMESYNC_S: Final = 3.0
 def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
     """All that is missing, in words."""
     linked = not now.autopilot_problem and now.heartbeat_age_s <= _HEARTBEAT_S
-    forged = f" ({now.bad_signatures} came with a wrong signature: compare the keys)" if now.bad_signatures else ""
     low = now.battery is not None and now.battery < limits.min_battery
     silent = ", ".join(map(str, now.batteries_unknown))
     problems = {
@@ -230,17 +229,26 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         f"the battery is low: {100 * (now.battery or 0):.0f} %, wanted {100 * limits.min_battery:.0f}": low,
         f"no fresh poses: {now.pose_problem}": bool(now.pose_problem),
         now.north_problem: bool(now.north_problem),
-        f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
         f"the robots' network: {now.network_problem}": bool(now.network_problem),
-        "no packets of the target": now.packet_age_s > limits.silent_s,
-        # Nothing can be related before packets and datagrams come, and that is said already.
-        now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,
+        **dict.fromkeys(target_problems(now, limits), True),
         "the AOA worker is not ready": not now.aoa_ready,
         "the recorder has stopped": now.recorder_failed,
         f"the disk has {now.free_mib:.0f} MiB left, wanted {limits.min_free_mib:.0f}": now.free_mib
         < limits.min_free_mib,
     }
     return [text for text, is_so in problems.items() if is_so and text]
+
+
+def target_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
+    """What is missing of the robot that is to be flown to, in words."""
+    forged = f" ({now.bad_signatures} came with a wrong signature: compare the keys)" if now.bad_signatures else ""
+    problems = {
+        f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
+        "no packets of the target": now.packet_age_s > limits.silent_s,
+        # Nothing can be related before packets and datagrams come, and that is said already.
+        now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,
+    }
+    return [text for text, is_so in problems.items() if is_so]
 
 
 def other_vehicle(told: str) -> str:

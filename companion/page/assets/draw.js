@@ -107,6 +107,9 @@ const Draw = (() => {
       at([x + 1.2 * Math.cos(azimuth * RAD), y + 1.2 * Math.sin(azimuth * RAD)])], C.soft, reliability < 0.1 ? [2, 3] : [], 1));
     line(pen, path.trail.map(at).concat(here ? [at(here)] : []), C.path, [], 2);
     (view.truth || []).forEach(one => { pen.fillStyle = C.ink; cross(pen, ...at(one.p_m)); });
+    (view.robots || []).filter(robot => robot.place && robot.place.p_m && robot.name !== view.target_name).forEach(robot => {
+      pen.fillStyle = C.soft; dot(pen, ...at(robot.place.p_m));
+      text(pen, robot.name, at(robot.place.p_m)[0] + 9, at(robot.place.p_m)[1] + 4, C.soft); });
     if (target) {
       target.rivals.forEach(rival => { pen.strokeStyle = C.target; pen.lineWidth = 1.5; pen.setLineDash([2, 3]);
         pen.beginPath(); pen.arc(...at(rival.p_m), 7, 0, 7); pen.stroke(); pen.setLineDash([]);

@@ -4,7 +4,7 @@
 (() => {
   document.body.classList.add('live');
   const panels = Panels(document.getElementById('page')), banner = document.getElementById('banner');
-  let ended = false, heard = 0, commands = null;
+  let ended = false, heard = 0, commands = null, robots = [], aimedAt = '';
 
   const say = (words, kind) => { banner.textContent = words; banner.className = kind; };
   const cells = text => Uint8Array.from(atob(text), one => one.charCodeAt(0));
@@ -30,21 +30,25 @@
     const yes = document.createElement('button'), no = document.createElement('button');
     yes.textContent = `Yes, ${name}`;
     no.textContent = 'No';
+    const which = document.createElement('select');
+    which.setAttribute('aria-label', 'robot to fly to');
+    which.append(...robots.map(robot => new Option(robot.name, robot.id, false, robot.name === aimedAt)));
+    const choice = name === 'engage' && robots.length > 1;
     const close = () => { dialog.close(); dialog.remove(); };
     no.addEventListener('click', close);
-    yes.addEventListener('click', async () => { close(); await command(name); });
-    dialog.append(words, yes, no);
+    yes.addEventListener('click', async () => { close(); await command(name, choice ? which.value : null); });
+    dialog.append(words, ...(choice ? ['to ', which, ' '] : []), yes, no);
     document.body.append(dialog);
     dialog.showModal();
     no.focus();
   }
 
-  async function command(name) {
+  async function command(name, target) {
     const out = document.createElement('p');
     panels.mission.append(out);
     out.textContent = `${name} …`;
     try {
-      const answer = await fetch(`command/${name}`, {method: 'POST', headers: {'X-Companion': name}});
+      const answer = await fetch(`command/${name}${target === null ? '' : `?target=${encodeURIComponent(target)}`}`, {method: 'POST', headers: {'X-Companion': name}});
       const told = answer.headers.get('content-type').startsWith('application/json') ? await answer.json() : {error: await answer.text()};
       out.textContent = told.ok ? `${name}: done` : `${name} refused: ${told.error}`;
     } catch (error) { out.textContent = `${name}: the page does not answer`; }
@@ -54,6 +58,7 @@
   function show(view) {
     heard = performance.now();
     ended = view.ended;
+    [robots, aimedAt] = [view.robots, view.target_name];
     document.title = `${view.name || 'companion'} ${view.mission ? view.mission.state : ''}`;
     const from = view.source === 'live' ? '' : `replay of ${view.source}, `;
     if (ended) say(`${view.name}: ${from}ended at ${view.t_s.toFixed(1)} s; this is how it ended`, 'quiet');

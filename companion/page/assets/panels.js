@@ -59,10 +59,11 @@ const Panels = (root) => {
         `(${b.azimuth_deg.toFixed(1)}° from East), ${up}, reliability ${b.reliability.toFixed(2)}, ` +
         `${b.packets} packets over ${b.length_m.toFixed(2)} m.${refused}`;
     }
-    targetText.textContent = t ? `Target ${number(t.range_m, 'm', 1)} ± ${number(t.range_std_m, 'm', 1)} away` +
+    const name = view.target_name ? `Target ${view.target_name}` : 'Target';
+    targetText.textContent = t ? `${name} ${number(t.range_m, 'm', 1)} ± ${number(t.range_std_m, 'm', 1)} away` +
       `${t.range_m !== null && t.range_std_m > 0.3 * t.range_m ? ', its range hardly known' : ''}` +
       `${t.probability === null ? '' : `, ${Math.round(100 * t.probability)} % sure of this place`}` +
-      `${t.rivals.length ? `, ${t.rivals.length} other${t.rivals.length > 1 ? 's' : ''} possible` : ''}.` : 'Nothing known of the target.';
+      `${t.rivals.length ? `, ${t.rivals.length} other${t.rivals.length > 1 ? 's' : ''} possible` : ''}.` : `Nothing known of the target${view.target_name ? `, ${view.target_name}` : ''}.`;
   }
 
   function sayMission(view) {

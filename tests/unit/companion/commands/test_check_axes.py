@@ -43,7 +43,7 @@ def _service(folder: Path, poses: list[Pose], heading_rad: float | None) -> Iter
     save_config(config, folder / "uav.yaml")
     waiting = iter([poses[0], *poses])  # the first is the command's own look at whether there are any
 
-    async def answer(command: str) -> dict[str, Any]:
+    async def answer(command: str, target: str | None = None) -> dict[str, Any]:
         assert command == "pose"
         pose = next(waiting, poses[-1])
         return {"ok": True, **asdict(pose), "autopilot_yaw_rad": heading_rad}

@@ -16,7 +16,7 @@ from tests.unit.companion.commands.test_status_lines import status
 _RADIO = {"samples": 9, "lost": 0, "malformed": 0, "unknown_sender": 0, "no_sender": 0, "wide": 0}
 
 
-async def _answer(command: str) -> dict[str, object]:
+async def _answer(command: str, target: str | None = None) -> dict[str, object]:
     told = status()
     told["health"] |= {"radio": _RADIO, "link": {"unknown_sender": 0, "malformed": 0, "version": 0}}
     return told

@@ -26,7 +26,8 @@ def status(**values: Any) -> dict[str, Any]:
     return {
         "ok": True, "about": known(), "state": "approaching", "reason": "bearing", "not_ready": ["armed already"],
         "packet_age_s": 0.01, "bearing": BEARING, "bearing_stale": False, "target": TARGET, "vehicle": VEHICLE,
-        "health": health(),
+        "health": health(), "target_id": 2, "target_name": "beacon",
+        "robots": [{"id": 2, "name": "beacon", "place": TARGET}, {"id": 3, "name": "other", "place": None}],
     } | values  # fmt: skip
 
 
@@ -40,9 +41,10 @@ def test_a_flight_in_a_persons_words() -> None:
         "compass 148° ± 1.1° (-58.3° from East), elevation -11.2° ± 1.2°, reliability 0.93, iteration 9"
     )
     assert lines["target"] == (
-        "17.3 m ± 11.9 m away, its range hardly known (4 to 34 m with 90 %); "
+        "beacon: 17.3 m ± 11.9 m away, its range hardly known (4 to 34 m with 90 %); "
         "90 % sure of this place, 1 other place possible"
     )
+    assert lines["other robot"] == "other (3): nothing known yet"
     assert "missing" not in lines  # what stands against engaging is no news in flight
     assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}
 
@@ -57,7 +59,7 @@ def test_what_was_never_there_is_said_in_words() -> None:
     nobody = dict.fromkeys(VEHICLE)
     told = status(bearing=None, target=None, vehicle=nobody, packet_age_s=None, state="idle")
     lines = dict(person_lines(told))
-    assert (lines["vehicle"], lines["bearing"], lines["target"]) == ("none heard", "none yet", "nothing known yet")
+    assert (lines["vehicle"], lines["bearing"], lines["target"]) == ("none heard", "none yet", "beacon: nothing known yet")
     worst = [(item.name, item.level) for item in health_items(told, None)]
     assert ("autopilot", "bad") in worst and ("card", "bad") in worst
 

@@ -165,3 +165,29 @@ def test_a_bearing_of_a_flight_that_was_broken_off_lifts_no_hold() -> None:
     known.knowledge.note_hold()
     known.knowledge.add_iteration(_iteration())
     assert known.course.worst([]) is None and known.knowledge.tries == 1
+
+
+def test_another_target_is_heard_by_its_own_packets_and_owes_nothing_to_the_one_before() -> None:
+    known = _Known()
+    known.hear(_TARGET)
+    known.knowledge.add_iteration(_iteration(reliability=None))
+    known.knowledge.add_iteration(_iteration(_OTHER))
+    known.knowledge.note_hold()
+    known.clock.advance(1.0)
+    known.hear(_OTHER)
+    assert known.knowledge.packet_age_s(_OTHER) == 0.0 and known.knowledge.packet_age_s() == 1.0
+    assert math.isinf(known.knowledge.datagram_age_s(_OTHER))
+    known.knowledge.select(_OTHER)
+    assert known.knowledge.neighbour.id == _OTHER and known.knowledge.named("3").id == _OTHER
+    assert (known.knowledge.blind_legs, known.knowledge.tries, known.knowledge.packets) == (0.0, 0, 0)
+    assert known.knowledge.packet_age_s() == 0.0 and math.isinf(known.knowledge.age_s())
+    assert known.knowledge.iteration is not None and known.knowledge.iteration.peer == _OTHER
+    assert known.knowledge.targets.target is not None
+    known.course.worst([])
+    known.knowledge.add_iteration(_iteration(_TARGET))
+    assert known.course.worst([]) is None, "a bearing of the robot before steers nothing"
+    known.knowledge.add_iteration(_iteration(_OTHER))
+    assert known.course.worst([]) is Event.BEARING
+    known.knowledge.note_blind_leg()
+    known.knowledge.select(_OTHER)
+    assert known.knowledge.blind_legs == 1.0, "it is the target already"

@@ -13,6 +13,9 @@ from companion.core.messages import VehicleState
 from companion.flight.course import Course
 from companion.flight.rc_switch import RcSwitch
 from companion.flight.wishes import Wishes
+from companion.mission.table import State
+from companion.neighbours.naming import named
+from companion.neighbours.neighbour import Neighbour
 from tests.manual_clock import ManualClock
 from tests.unit.companion.flight.kept import Kept
 
@@ -29,12 +32,29 @@ class _Engagement:
         self.read = asyncio.Event()
         self.read.set()
 
-    def not_ready(self) -> list[str]:
+    def not_ready(self, target: Neighbour | None = None) -> list[str]:
         return list(self.missing)
+
+    def not_heard(self, target: Neighbour) -> list[str]:
+        return [] if target.heard_ns else ["no datagrams of the target"]
 
     async def parameter_problems(self) -> list[str]:
         await self.read.wait()
         return []
+
+
+class _Knowledge:
+    """Of two robots, of which the first is the target."""
+
+    def __init__(self) -> None:
+        self.robots = (Neighbour(2, "alpha"), Neighbour(3, "beta"))
+        self.neighbour = self.robots[0]
+
+    def named(self, word: str) -> Neighbour:
+        return named(word, self.robots)
+
+    def select(self, peer: int) -> None:
+        self.neighbour = next(robot for robot in self.robots if robot.id == peer)
 
 
 class _Asked:
@@ -44,9 +64,11 @@ class _Asked:
         self.clock, self.kept, self.engagement = ManualClock(_NOW_NS), Kept(), _Engagement()
         clock = EventClock(self.clock)
         self.course = Course(clock, self.kept)
+        self.knowledge = _Knowledge()
         self.beside: list[Coroutine[Any, Any, None]] = []
         self.wishes = Wishes(
             clock=clock, recorder=self.kept, course=self.course, engagement=self.engagement, switch=RcSwitch(1, 1700),  # type: ignore[arg-type]
+            knowledge=self.knowledge,  # type: ignore[arg-type]
             beside=lambda work, name: self.beside.append(work),
         )  # fmt: skip
 
@@ -115,3 +137,60 @@ def test_the_switch_aborts_at_once_and_old_pulse_widths_say_nothing() -> None:
     asked.switch(1100)
     assert asked.course.worst([]) is Event.ABORT
     assert asked.beside == []
+
+
+async def test_a_robot_that_is_named_becomes_the_target_only_where_the_wish_is_granted() -> None:
+    asked = _Asked()
+    asked.engagement.missing = ["no poses"]
+    assert await asked.wishes.engage("beta") == "no poses"
+    assert asked.wishes.target == "alpha"
+    asked.engagement.missing = []
+    assert await asked.wishes.engage("3") == ""
+    assert asked.wishes.target == "beta"
+    assert [(wish.wish, wish.refusal, wish.target) for _, _, wish in asked.kept.messages] == [
+        (Event.ENGAGE, "no poses", 3),
+        (Event.ENGAGE, "", 3),
+    ]
+    assert asked.course.worst([]) is Event.ENGAGE
+
+
+async def test_a_name_that_nobody_has_is_refused_with_those_there_are() -> None:
+    asked = _Asked()
+    refusal = await asked.wishes.engage("gamma")
+    assert refusal == "no robot has the name or id 'gamma'; expected one of alpha (2), beta (3)"
+    assert asked.course.worst([]) is None and asked.wishes.target == "alpha"
+    assert [wish.refusal for _, _, wish in asked.kept.messages] == [refusal]
+
+
+def _fly(asked: _Asked) -> None:
+    for event in (Event.ENGAGE, Event.PREFLIGHT_PASSED, Event.AIRBORNE, Event.OFFBOARD_CONFIRMED, Event.BEARING):
+        asked.course.step(event, _NOW_NS)
+
+
+async def test_in_flight_the_vehicle_is_sent_to_another_robot_that_is_heard_and_to_no_other() -> None:
+    asked = _Asked()
+    _fly(asked)
+    assert await asked.wishes.engage() == "the mission is approaching already"
+    assert await asked.wishes.engage("alpha") == "the mission is approaching already, to alpha"
+    assert await asked.wishes.engage("beta") == "beta: no datagrams of the target"
+    assert asked.wishes.target == "alpha" and asked.course.worst([]) is None
+    asked.knowledge.robots[1].heard_ns = _NOW_NS
+    assert await asked.wishes.engage("beta") == ""
+    assert asked.wishes.target == "beta"
+    assert asked.course.worst([]) is Event.RETARGET
+    asked.course.step(Event.RETARGET, _NOW_NS)
+    assert asked.course.state is State.ACQUIRING
+
+
+async def test_another_robot_undoes_neither_an_abort_nor_the_latch() -> None:
+    asked = _Asked()
+    _fly(asked)
+    asked.knowledge.robots[1].heard_ns = _NOW_NS
+    assert await asked.wishes.engage("beta") == ""
+    asked.wishes.abort()
+    worst = asked.course.worst([])
+    assert worst is Event.ABORT
+    asked.course.step(worst, _NOW_NS)
+    assert asked.course.state is State.LATCHED and asked.course.worst([]) is None
+    asked.wishes.answer(Event.RETARGET, "", target=2)
+    assert asked.course.worst([]) is None and asked.course.state is State.LATCHED

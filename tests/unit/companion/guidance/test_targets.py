@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from companion.core.messages import Vector3
@@ -140,3 +141,40 @@ def test_where_nothing_seen_can_be_flown_to_it_flies_towards_it_all_the_same() -
         targets.add(2, replace(_bearing(here_m, (0.0, 14.0, 0.5)), fresh=0.5), 0.0)
     aim = targets.aim(here_m)
     assert aim is not None and aim.azimuth_rad == pytest.approx(math.pi / 2, abs=0.4)
+
+
+def test_another_robot_is_flown_to_by_what_was_heard_of_it_on_the_way() -> None:
+    """Both are tracked all the time; that one seemed near says nothing of the other."""
+    alpha_m, beta_m = (4.0, 0.0, 0.5), (0.0, 5.0, 0.5)
+    targets = Targets(
+        neighbours={2: _Neighbour(2, "alpha"), 3: _Neighbour(3, "beta")},
+        target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS,
+    )  # fmt: skip
+    for turn in range(8):
+        place_m = (2.0 + 2.0 * math.cos(turn), 2.5 + 2.0 * math.sin(turn), 1.5)
+        for peer, robot_m in ((2, alpha_m), (3, beta_m)):
+            targets.add(peer, replace(_bearing(place_m, robot_m), fresh=1.0), 0.0)
+    here_m = (4.0, 1.0, 1.0)
+    assert targets.is_near(here_m)
+    assert targets.others() == pytest.approx(np.array([beta_m]), abs=0.8)
+    targets.select(3)
+    aim = targets.aim(here_m)
+    assert aim is not None and aim.azimuth_rad == pytest.approx(math.atan2(4.0, -4.0), abs=0.15)
+    assert targets.others() == pytest.approx(np.array([alpha_m]), abs=0.8)
+    assert targets.found(2) is not None and targets.found(3) is targets.target
+    targets.add(3, replace(_bearing((0.0, 4.0, 1.0), beta_m), fresh=1.0), 0.0)
+    assert not targets.is_near(here_m) and targets.is_near((0.0, 4.2, 1.0)) is False
+    targets.add(3, replace(_bearing((0.0, 4.0, 1.0), beta_m), fresh=1.0), 0.0)
+    assert targets.is_near((0.0, 4.2, 1.0))
+
+
+def test_a_robot_of_which_nothing_is_known_yet_is_searched_for() -> None:
+    targets = Targets(
+        neighbours={2: _Neighbour(2, "alpha"), 3: _Neighbour(3, "beta")},
+        target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS,
+    )  # fmt: skip
+    targets.add(2, _bearing((0.0, 0.0, 1.5), (4.0, 0.0, 0.5)), 0.0)
+    targets.select(3)
+    assert targets.aim((0.0, 0.0, 1.5)) is None and not targets.is_near((0.0, 0.0, 1.5))
+    targets.select(2)
+    assert targets.aim((0.0, 0.0, 1.5)) is not None

@@ -17,7 +17,7 @@ from companion.host.control_socket import ControlServer, ask, ask_status
 from tests.control_socket import serving
 
 
-async def echo(command: str) -> dict[str, Any]:
+async def echo(command: str, target: str | None = None) -> dict[str, Any]:
     return {"ok": True, "got": command}
 
 
@@ -52,7 +52,7 @@ def _let_in(path: Path, mode: int) -> None:
 async def test_another_user_commands_nothing_even_where_the_file_lets_it(tmp_path: Path) -> None:
     path, heard = tmp_path / "control.sock", list[str]()
 
-    async def note(command: str) -> dict[str, Any]:
+    async def note(command: str, target: str | None = None) -> dict[str, Any]:
         heard.append(command)
         return {"ok": True}
 
@@ -137,7 +137,7 @@ async def _as_member(folder: Path, group: int) -> list[str]:
 async def test_the_group_may_ask_for_the_status_and_nothing_else(tmp_path: Path) -> None:
     heard = list[str]()
 
-    async def note(command: str) -> dict[str, Any]:
+    async def note(command: str, target: str | None = None) -> dict[str, Any]:
         heard.append(command)
         return {"ok": True}
 

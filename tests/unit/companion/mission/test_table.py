@@ -28,17 +28,17 @@ _EXPECTED = {
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
     "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding; bearing>approaching; "
-    "bearing_back>approaching",
+    "bearing_back>approaching; retarget>acquiring",
     State.APPROACHING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
-    "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding",
+    "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding; retarget>acquiring",
     State.ARRIVED: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>landing l; "
     "battery_low>landing l; landed>idle g; timeout>landing l; stalled>latched",
     State.HOLDING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
     "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xw; "
-    "target_reached>arrived xa; bearing>approaching; bearing_back>approaching",
+    "target_reached>arrived xa; bearing>approaching; bearing_back>approaching; retarget>acquiring",
     State.LANDING: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; timeout>landing l; "
     "landed>idle g; stalled>latched",
     State.LATCHED: "engage>preflight p; task_failed>fault",

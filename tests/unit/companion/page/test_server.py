@@ -142,7 +142,7 @@ async def test_a_word_opens_the_page_and_leaves_the_address() -> None:
 async def test_commands_need_the_configuration_the_word_and_the_page_itself(tmp_path: Path) -> None:
     control, asked = tmp_path / "control.sock", list[str]()
 
-    async def answer(command: str) -> dict[str, Any]:
+    async def answer(command: str, target: str | None = None) -> dict[str, Any]:
         asked.append(command)
         return {"ok": command == "abort", "error": "" if command == "abort" else "no packets"}
 
@@ -191,7 +191,7 @@ async def test_a_loop_that_stands_still_is_silence_though_its_feed_goes_on(monke
 async def test_a_person_engages_in_the_browser_and_confirms(tmp_path: Path) -> None:
     control, asked = tmp_path / "control.sock", list[str]()
 
-    async def answer(command: str) -> dict[str, Any]:
+    async def answer(command: str, target: str | None = None) -> dict[str, Any]:
         asked.append(command)
         return {"ok": False, "error": "no packets"}
 

@@ -21,7 +21,7 @@ class Service:
         self._missing = missing or []
         self.engagements = 0
 
-    async def answer(self, command: str) -> dict[str, Any]:
+    async def answer(self, command: str, target: str | None = None) -> dict[str, Any]:
         if command == "engage":
             self._now = self._outcomes[self.engagements]
             self.engagements += 1
