@@ -261,11 +261,16 @@ class Telemetry:
             self._arming.status(present, enabled, health, now_ns)
         return {}
 
+    @property
+    def _drives(self) -> bool:
+        """A rover that is armed and stands is in the air by PX4's word, and at rest by its estimator's."""
+        return str(self._known.get("autopilot", "")).endswith(_OTHERS[10])
+
     def _estimator(self, fields: Fields, now_ns: int) -> Fields:
         flags = int(fields["flags"])
         return {
             "estimator_mono_ns": now_ns,
-            "estimator_healthy": is_healthy(flags, self._known.get("in_air", False)),
+            "estimator_healthy": is_healthy(flags, self._known.get("in_air", False) and not self._drives),
             "position_is_global": bool(flags & _GLOBAL_POSITION),
         }
 

@@ -34,7 +34,7 @@ def asked(path: Path, command: str, target: str | None = None) -> dict[str, Any]
 @socket_option
 @click.option("--target", metavar="NAME", help="Name or id of the robot to fly to; in flight, instead of another one.")
 def engage(socket_path: Path, target: str | None) -> None:
-    """Hand the vehicle to the companion: preflight, take off, approach. In flight --target sends it to another robot."""
+    """Hand the vehicle to the companion: preflight, take off, approach; in flight, to another --target."""
     answer = asked(socket_path, "engage", target)
     told = f": {answer['vehicle']}" if "vehicle" in answer else ""
     click.echo(f"engaged{told}" + (f", to {answer['target']}" if "target" in answer else ""))

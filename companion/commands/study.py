@@ -17,7 +17,7 @@ from rich.table import Table
 from companion.commands.output_files import check_writable, writing
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
-from companion.sim.scenes import SCENES, scene_names
+from companion.sim.scenes import FLOWN, scene_names
 from companion.study.catalogue import MODULES, RENDEZVOUS
 from companion.study.catalogue import study as load_study
 from companion.study.kept import KeptRows
@@ -27,7 +27,7 @@ from companion.study.study import Outcome, Settings, Study
 from companion.study.trials import RunnerError, TrialError, TrialRunner
 
 ALL = "all"
-_SCENES = f"Scenes of rendezvous, with commas between: {', '.join(SCENES)}.  [default: all]"
+_SCENES = f"Scenes of rendezvous, with commas between: {', '.join(FLOWN)}.  [default: all]"
 _PAGE = "report.html"
 _PIPE_COLUMNS = 140
 _path = click.Path(path_type=Path)
@@ -177,7 +177,7 @@ def _runner(cluster: str | None, jobs: int) -> Any:
 
 def _named(scenes: str | None) -> tuple[str, ...]:
     """Raises ConfigError for one that is unknown."""
-    return () if scenes is None else scene_names([name.strip() for name in scenes.split(",")])
+    return () if scenes is None else scene_names([name.strip() for name in scenes.split(",")], FLOWN)
 
 
 def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, out: Path) -> Outcome:

@@ -206,6 +206,9 @@ class MissionConfig:
     """What the autopilot is left in at the target."""
     lost_target: Literal["return", "land"] = "return"
     """What it is left in when the target stays silent, or no bearing to it is found, while the vehicle holds."""
+    vehicle: Literal["copter", "rover"] = "copter"
+    """A `rover` drives on the ground: nothing takes off or lands, heights are not looked at, and set points are
+    velocities in the plane."""
     setpoints: Literal["position", "velocity"] = "position"
     """`velocity` sends velocities alone, led back to the path: for an autopilot whose position drifts against it."""
     yaw: Literal["fixed", "target"] = "fixed"

@@ -15,7 +15,14 @@ from companion.core.messages import VehicleState
 from companion.errors import ConfigError
 from companion.flight.status import vehicle_name
 from companion.radio.checks import Check
-from companion.safety.preflight import Heights, Requirement, other_vehicle, parameter_problems, required_parameters
+from companion.safety.preflight import (
+    EXPECTED,
+    Heights,
+    Requirement,
+    other_vehicle,
+    parameter_problems,
+    required_parameters,
+)
 from companion.signing.autopilot import SignedAutopilot, signing_relay
 
 _VERSION_S = 3.0
@@ -33,7 +40,7 @@ async def autopilot_checks(config: Config, seconds: float, status: dict[str, Any
     try:
         async with _connected(config, config.autopilot, seconds) as edge:
             return [
-                _vehicle(edge.state()),
+                _vehicle(edge.state(), config.mission.vehicle),
                 _arming(edge.state()),
                 *await _parameters(config, config.autopilot.gps, edge),
             ]
@@ -73,10 +80,12 @@ async def _connected(whole: Config, config: AutopilotConfig, seconds: float) -> 
         await link.aclose()
 
 
-def _vehicle(state: VehicleState) -> Check:
-    if state.autopilot == "px4":
+def _vehicle(state: VehicleState, vehicle: str) -> Check:
+    if state.autopilot == EXPECTED[vehicle]:
         return Check("vehicle", True, vehicle_name(state))
-    return Check("vehicle", False, other_vehicle(state.autopilot), "autopilot.system_id says which one is ours")
+    return Check(
+        "vehicle", False, other_vehicle(state.autopilot, vehicle), "autopilot.system_id says which one is ours"
+    )
 
 
 def _arming(vehicle: VehicleState) -> Check:
@@ -90,14 +99,16 @@ def _arming(vehicle: VehicleState) -> Check:
 async def _parameters(config: Config, gps: bool, edge: MavsdkAutopilot) -> list[Check]:
     """One line for each, with its value."""
     values: dict[str, float | str] = {}
-    for requirement in required_parameters(gps):
+    vehicle = config.mission.vehicle
+    for requirement in required_parameters(gps, vehicle):
         try:
             values[requirement.name] = await edge.parameter(requirement.name)
         except AutopilotError as error:
             values[requirement.name] = str(error)
     heights = Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2])
-    problems = list(parameter_problems(values, gps, heights))
-    return [_parameter(requirement, values[requirement.name], problems) for requirement in required_parameters(gps)]
+    problems = list(parameter_problems(values, gps, heights, vehicle))
+    required = required_parameters(gps, vehicle)
+    return [_parameter(requirement, values[requirement.name], problems) for requirement in required]
 
 
 def _parameter(requirement: Requirement, value: float | str, problems: list[str]) -> Check:

@@ -60,6 +60,11 @@ class FlightCommands:
             await self._autopilot.arm()
         await self._autopilot.takeoff(height_m)
 
+    async def arm(self) -> None:
+        """All that a vehicle needs that does not fly."""
+        if not self._autopilot.state().armed:
+            await self._autopilot.arm()
+
     async def enter_offboard(self) -> None:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(_WARM_UP_S * NS_PER_S))
         await self._autopilot.request_offboard()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
@@ -18,11 +17,12 @@ from companion.core.recorder import Recorder
 from companion.core.streams import SURROUNDINGS
 from companion.flight.course import Course
 from companion.flight.knowledge import Knowledge
+from companion.flight.limits import gate_limits
 from companion.flight.status import vehicle_name
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
-from companion.safety.gate import GateLimits
 from companion.safety.preflight import (
+    EXPECTED,
     Heights,
     Readiness,
     ReadinessLimits,
@@ -57,8 +57,9 @@ class Engagement:
         assert config.autopilot is not None
         self._config = config
         self._gps = config.autopilot.gps
+        self._vehicle = config.mission.vehicle
         self._forwards = config.autopilot.forward_vio_hz > 0
-        self._fence = GateLimits(**asdict(config.gate))
+        self._fence = gate_limits(config)
         self._heights = Heights(config.mission.takeoff_height_m, config.gate.fence_max_m[2])
         self._clock = clock
         self._network_problem = network_problem
@@ -103,9 +104,9 @@ class Engagement:
         self._checked_ns = None
         if self._autopilot.problem:
             return ["the autopilot's parameters were not read"]
-        names = [requirement.name for requirement in required_parameters(self._gps)]
+        names = [requirement.name for requirement in required_parameters(self._gps, self._vehicle)]
         values = dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
-        problems = list(parameter_problems(values, self._gps, self._heights))
+        problems = list(parameter_problems(values, self._gps, self._heights, self._vehicle))
         self._checked_ns = None if problems else self._clock.now_ns()
         return problems
 
@@ -136,7 +137,8 @@ class Engagement:
             armed=vehicle.armed,
             can_arm=vehicle.can_arm,
             arming_reasons=vehicle.arming_reasons,
-            not_px4="" if vehicle.autopilot in ("", "px4") else vehicle.autopilot,
+            vehicle=self._vehicle,
+            not_px4="" if vehicle.autopilot in ("", EXPECTED[self._vehicle]) else vehicle.autopilot,
             timesync_age_s=self._age_s(vehicle.timesync_mono_ns),
             time_known=vehicle.clock_offset_ns is not None or not self._forwards,
             battery=vehicle.battery_remaining,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Final
 
 from companion.config.schema import Config
@@ -15,6 +14,7 @@ from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import TARGET
 from companion.flight.course import Course
+from companion.flight.limits import gate_limits
 from companion.flight.local_frame import LocalFrame
 from companion.flight.records import target_report
 from companion.guidance.steering import Aim
@@ -22,7 +22,6 @@ from companion.guidance.targets import Targets
 from companion.neighbours.naming import named
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
-from companion.safety.gate import GateLimits
 from companion.sensing.iterations import SarIterations
 from companion.sensing.records import Iteration
 
@@ -61,7 +60,7 @@ class Knowledge:
             target=config.target,
             arrival_range_m=config.mission.arrival_range_m,
             arrival_confidence=config.mission.arrival_confidence,
-            limits=GateLimits(**asdict(config.gate)),
+            limits=gate_limits(config),
         )
         self._packet_ns: dict[int, int] = {}
         self._packets = 0

@@ -1,12 +1,20 @@
-"""The limits of the mission's conditions, as a configuration gives them."""
+"""The limits of the gate and of the mission's conditions, as a configuration gives them."""
 
 from __future__ import annotations
+
+from dataclasses import asdict
 
 from companion.config.schema import Config
 from companion.core.messages import FlightMode
 from companion.mission.conditions import ConditionLimits
+from companion.safety.gate import GateLimits
 
 _LEAVE_MODES = {"hold": FlightMode.HOLD, "land": FlightMode.LAND, "return": FlightMode.RETURN}
+
+
+def gate_limits(config: Config) -> GateLimits:
+    """For `companion.safety.gate.Gate`, and for whoever keeps within it beforehand."""
+    return GateLimits(**asdict(config.gate), on_ground=config.mission.vehicle == "rover")
 
 
 def condition_limits(config: Config) -> ConditionLimits:

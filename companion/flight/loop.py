@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from typing import Any
 
 from companion.autopilot.port import Autopilot, AutopilotError
@@ -20,7 +19,7 @@ from companion.flight.commands import FlightCommands, MakeCommands
 from companion.flight.course import Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
-from companion.flight.limits import condition_limits
+from companion.flight.limits import condition_limits, gate_limits
 from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer
 from companion.flight.origin import Origin
@@ -31,11 +30,12 @@ from companion.flight.status import status
 from companion.flight.vehicle_feed import VehicleFeed
 from companion.flight.wishes import Wishes
 from companion.guidance.approach import Approach, as_velocity, inside
+from companion.guidance.ground import in_plane
 from companion.mission.conditions import SLEPT_S, conditions
 from companion.mission.table import AT_REST, Action, State
 from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
-from companion.safety.gate import Gate, GateLimits, Reason
+from companion.safety.gate import Gate, Reason
 from companion.sensing.iterations import SarIterations
 
 _log = logging.getLogger(__name__)
@@ -67,7 +67,7 @@ class Flight:
         self._autopilot: Autopilot = SilentAutopilot(autopilot) if self._observes else autopilot
         self._sar = sar
         self._recorder = recorder
-        self._gate = Gate(GateLimits(**asdict(config.gate)))
+        self._gate = Gate(gate_limits(config))
         self._approach = Approach(config.mission, self._gate.limits, config.aperture.length_m)
         self._limits = condition_limits(config)
         self._ticker = Ticker(clock, _RATE_HZ)
@@ -202,7 +202,9 @@ class Flight:
                 self.knowledge.begin_anew()
                 self._engagement.check_again(self._course)
             case Action.ARM_AND_TAKE_OFF:
-                commands.start(commands.take_off(config.takeoff_height_m), Event.AIRBORNE, Event.TAKEOFF_FAILED)
+                drives = config.vehicle == "rover"
+                begin = commands.arm() if drives else commands.take_off(config.takeoff_height_m)
+                commands.start(begin, Event.AIRBORNE, Event.TAKEOFF_FAILED)
             case Action.STREAM_START:
                 assert vehicle.p_local_enu_m is not None
                 self._begin_path(vehicle.p_local_enu_m, vehicle)
@@ -229,8 +231,11 @@ class Flight:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
         self._measure(now_ns, moving)
         setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving, self._targets.others())
-        if self._config.mission.setpoints == "velocity" and vehicle.p_local_enu_m is not None:
+        mission = self._config.mission
+        if (mission.setpoints == "velocity" or mission.vehicle == "rover") and vehicle.p_local_enu_m is not None:
             setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
+            if mission.vehicle == "rover":
+                setpoint = in_plane(setpoint, vehicle.p_local_enu_m)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
         if self._refusals.note(verdict.reasons, now_ns, self._frame.is_stepping(now_ns)):

@@ -12,6 +12,7 @@ from companion.core.recorder import Recorder
 from companion.core.streams import OBSERVED
 from companion.flight.local_frame import LocalFrame
 from companion.flight.records import ObservedSetpoint
+from companion.guidance.ground import in_plane
 from companion.guidance.targets import Targets
 from companion.safety.gate import Gate
 
@@ -36,6 +37,8 @@ class Observer:
         wanted = would_be_setpoint(
             now_ns, p_m, target.azimuth_rad, self._mission, ground_m + self._mission.takeoff_height_m
         )
+        if self._mission.vehicle == "rover":
+            wanted = in_plane(wanted, p_m)
         verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), ground_m)
         self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 

@@ -15,8 +15,8 @@ from companion.core.inputs import Event, Wish
 from companion.core.messages import VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import WISH
-from companion.flight.course import Course
 from companion.errors import CompanionError
+from companion.flight.course import Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
 from companion.flight.rc_switch import RcSwitch

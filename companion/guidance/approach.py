@@ -72,8 +72,8 @@ class Approach:
         self._ground_m += delta_enu_m[2]
 
     def setpoint(self, now_ns: int, aim: Aim | None, moving: bool, others_m: Sequence[Vector3] = ()) -> Setpoint:
-        """The set point of this tick: towards `aim`, searching without one, around robots at `others_m`; without `moving`
-        the vehicle stops."""
+        """The set point of this tick: towards `aim`, searching without one, around robots at `others_m`; without
+        `moving` the vehicle stops."""
         elapsed_s = 0.0 if self._tick_ns is None else (now_ns - self._tick_ns) / NS_PER_S
         self._tick_ns = now_ns
         wished = self._wished(aim) if moving else (0.0, 0.0, 0.0)
@@ -91,8 +91,9 @@ class Approach:
 
     def _wished(self, aim: Aim | None) -> Vector3:
         mission = self._mission
+        drives = mission.vehicle == "rover"
         share = 1.0 if aim is None else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
-        across, up = self._weave(share)
+        across, up = self._weave(share, 0.0 if drives else mission.vertical_weave_m)
         forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
         if aim is None:
             ve, vn = search(self._searched_m, self._heading_rad, forward)
@@ -102,6 +103,8 @@ class Approach:
             ve, vn = towards(aim, forward, circle_m, self._side)
         speed = max(math.hypot(ve, vn), 1e-6)
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
+        if drives:
+            return ve, vn, 0.0
         height_m = self._ground_m + mission.takeoff_height_m
         return ve, vn, climb(self._motion.p_m[2], height_m, mission.speed_m_s / 2) + up
 
@@ -109,13 +112,13 @@ class Approach:
         """Where the next search begins: along the way it is flown now."""
         self._heading_rad, self._searched_m = heading_rad, 0.0
 
-    def _weave(self, share: float) -> tuple[float, float]:
-        """Velocities [m/s] across and up of the helix: one turn in `length_m` of path, as wide as acceleration lets
-        it be."""
+    def _weave(self, share: float, vertical_m: float) -> tuple[float, float]:
+        """Velocities [m/s] across and up of the helix, `vertical_m` high: one turn in `length_m` of path, as wide as
+        acceleration lets it be."""
         mission = self._mission
         rate = self._turn_per_m * mission.speed_m_s
         most_m = 0.8 * mission.acceleration_m_s2 / rate**2
-        across_m, up_m = (share * min(wide, most_m) for wide in (mission.lateral_weave_m, mission.vertical_weave_m))
+        across_m, up_m = (share * min(wide, most_m) for wide in (mission.lateral_weave_m, vertical_m))
         gain = _WEAVE_GAIN * rate
         return gain * across_m * math.cos(self._phase_rad), -gain * up_m * math.sin(self._phase_rad)
 

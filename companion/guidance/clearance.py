@@ -1,4 +1,4 @@
-"""Around other robots than the target: the gate refuses set points that come too near to them, so none is wished for."""
+"""Around other robots than the target: the gate refuses set points too near to them, so none is wished for."""
 
 from __future__ import annotations
 

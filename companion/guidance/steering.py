@@ -69,6 +69,8 @@ def climb(p_up_m: float, wanted_up_m: float, most_m_s: float) -> float:
 
 def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
     """The velocity without what would take it too near to the fence, box and cylinder, or to the least height."""
+    if limits.on_ground:
+        v_m_s, p_m = (v_m_s[0], v_m_s[1], 0.0), (p_m[0], p_m[1], 0.0)
     low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
     own_v_m_s, own_p_m = limits.in_box_axes(v_m_s), limits.in_box_axes(p_m)
     kept = (
@@ -82,7 +84,7 @@ def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
         too_fast = x * ux + y * uy - _FENCE_PER_S * (limits.fence_radius_m - _FENCE_MARGIN_M - out_m)
         if too_fast > 0:
             x, y = x - too_fast * ux, y - too_fast * uy
-    return x, y, z
+    return x, y, 0.0 if limits.on_ground else z
 
 
 def _margin(low: float, high: float) -> float:

@@ -134,8 +134,8 @@ def _command_of(line: bytes) -> tuple[str | None, str | None]:
 
 
 async def ask(path: Path, command: str, timeout_s: float = 5.0, target: str | None = None) -> dict[str, Any]:
-    """Sends one command, about the robot `target` if one is named, and returns the answer. Raises CompanionError when no
-    service answers there."""
+    """Sends one command, about the robot `target` if one is named, and returns the answer. Raises CompanionError when
+    no service answers there."""
     asked = {"command": command} | ({} if target is None else {"target": target})
     try:
         async with asyncio.timeout(timeout_s):

@@ -106,7 +106,9 @@ class FlightContent:
         }
         times_s = [self.seconds(t_ns) for t_ns in self.truth.t_ns.tolist()]
         names = [self.peer_name(self.target_at(t_s)) for t_s in times_s]
-        rows = [(t_s, apart_m[name][k]) for k, (t_s, name) in enumerate(zip(times_s, names, strict=True)) if name in apart_m]
+        rows = [
+            (t_s, apart_m[name][k]) for k, (t_s, name) in enumerate(zip(times_s, names, strict=True)) if name in apart_m
+        ]
         seen = [(t_s, d) for t_s, d in rows if 0 <= t_s <= self.duration_s and np.isfinite(d)]
         return seen[:: max(1, len(seen) // _DISTANCES)]
 

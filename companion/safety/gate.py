@@ -57,6 +57,8 @@ class GateLimits:
     """Time the vehicle is given to reach the set point's velocity: the acceleration asked for is their ratio."""
     max_position_age_s: float = 0.5
     fence_yaw_deg: float = 0.0
+    on_ground: bool = False
+    """The vehicle drives: it has no least height, and nothing may move it up or down."""
     min_neighbour_m: float = 1.0
     """Least distance of a set point from where a neighbour is known to be, unless it leads away from there."""
 
@@ -159,10 +161,10 @@ class Gate:
             Reason.STALE: not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * NS_PER_S,
             Reason.FENCE_BOX: not limits.is_in_box(wanted_p),
             Reason.FENCE_CYLINDER: not limits.is_in_cylinder(wanted_p),
-            Reason.HEIGHT: wanted_p[2] < ground_m + limits.min_height_m,
+            Reason.HEIGHT: not limits.on_ground and wanted_p[2] < ground_m + limits.min_height_m,
             Reason.LEAD: math.dist(wanted_p, p_m) > limits.max_lead_m,
             Reason.SPEED: math.hypot(wanted_v[0], wanted_v[1]) > limits.max_speed_m_s,
-            Reason.CLIMB: abs(wanted_v[2]) > limits.max_climb_m_s,
+            Reason.CLIMB: abs(wanted_v[2]) > (0.0 if limits.on_ground else limits.max_climb_m_s),
             Reason.ACCELERATION: math.dist(wanted_v, v_m_s) > limits.max_acceleration_m_s2 * limits.response_s,
             Reason.NEIGHBOUR: any(_closes_in(wanted_p, p_m, other, limits.min_neighbour_m) for other in neighbours),
         }

@@ -25,6 +25,7 @@ class Needed(StrEnum):
     """When a parameter matters."""
 
     ALWAYS = "always"
+    COPTER = "a multicopter"
     GPS = "with GPS"
     VISION = "without GPS"
 
@@ -61,15 +62,15 @@ REQUIREMENTS: Final = (
         "PX4's own geofence is the barrier behind ours; 0 and 1 do nothing, 4 stops the motors",
     ),
     Requirement(
-        "RTL_RETURN_ALT", Needed.ALWAYS, lambda v: v > 0, "below gate.fence_max_m and GF_MAX_VER_DIST",
+        "RTL_RETURN_ALT", Needed.COPTER, lambda v: v > 0, "below gate.fence_max_m and GF_MAX_VER_DIST",
         "every return climbs to it, ours and those of PX4's failsafes: its default of 30 m leads through a ceiling",
     ),
     Requirement(
-        "GF_MAX_VER_DIST", Needed.ALWAYS, lambda v: v >= 0, "0, or above RTL_RETURN_ALT",
+        "GF_MAX_VER_DIST", Needed.COPTER, lambda v: v >= 0, "0, or above RTL_RETURN_ALT",
         "a return that meets PX4's own fence ends in a failsafe up there",
     ),
     Requirement(
-        "NAV_MC_ALT_RAD", Needed.ALWAYS, lambda v: v > 0, "below mission.takeoff_height_m by 0.3 m",
+        "NAV_MC_ALT_RAD", Needed.COPTER, lambda v: v > 0, "below mission.takeoff_height_m by 0.3 m",
         "PX4 ends its takeoff so far from the height: one that is lower ends on the ground",
     ),
     Requirement(
@@ -102,9 +103,13 @@ REQUIREMENTS: Final = (
 """docs/vehicle.md has this table, generated."""
 
 
-def required_parameters(gps: bool) -> tuple[Requirement, ...]:
-    """Those that matter for a vehicle with GPS, or for one without."""
-    needed = (Needed.ALWAYS, Needed.GPS if gps else Needed.VISION)
+EXPECTED: Final = {"copter": "px4", "rover": "px4 on a ground rover"}
+"""What the vehicle must say it is, by `mission.vehicle`."""
+
+
+def required_parameters(gps: bool, vehicle: str = "copter") -> tuple[Requirement, ...]:
+    """Those that matter for a vehicle with GPS, or for one without. `vehicle` as in `mission.vehicle`."""
+    needed = {Needed.ALWAYS, Needed.GPS if gps else Needed.VISION} | ({Needed.COPTER} if vehicle == "copter" else set())
     return tuple(requirement for requirement in REQUIREMENTS if requirement.needed in needed)
 
 
@@ -116,9 +121,11 @@ class Heights:
     ceiling_m: float = math.inf
 
 
-def parameter_problems(values: Mapping[str, float | str], gps: bool, heights: Heights = Heights()) -> Iterator[str]:
+def parameter_problems(
+    values: Mapping[str, float | str], gps: bool, heights: Heights = Heights(), vehicle: str = "copter"
+) -> Iterator[str]:
     """One line for each wrong one of `values`, which has a number for each required name, or why it was not read."""
-    for requirement in required_parameters(gps):
+    for requirement in required_parameters(gps, vehicle):
         value = values[requirement.name]
         if isinstance(value, str):
             yield f"{value}; wanted {requirement.wanted}: {requirement.why}"
@@ -164,8 +171,10 @@ class Readiness:
     can_arm: bool | None = None
     """The vehicle's own word on it, for the mode it is in; None where its firmware never tells."""
     arming_reasons: tuple[str, ...] = ()
+    vehicle: str = "copter"
+    """As in `mission.vehicle`."""
     not_px4: str = ""
-    """What the vehicle says it is, where that is no PX4 on a multicopter."""
+    """What the vehicle says it is, where that is no PX4 on such a vehicle."""
     timesync_age_s: float
     time_known: bool = True
     """The vehicle's own time is known, or no poses are to be stamped in it."""
@@ -216,7 +225,7 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "given an origin (autopilot.origin_deg) once it takes our poses": now.position_is_global is False,
         f"the vehicle is outside gate.fence_*: {now.outside_fence}": bool(now.outside_fence),
         "two vehicles of one system id are on the link: give each its own MAV_SYS_ID": now.are_two,
-        other_vehicle(now.not_px4): bool(now.not_px4),
+        other_vehicle(now.not_px4, now.vehicle): bool(now.not_px4),
         "the autopilot does not tell whether it is in the air (EXTENDED_SYS_STATE)": linked and now.landed_unknown,
         _mode_problem(now): True,
         f"PX4's own arming checks fail: {'; '.join(now.arming_reasons) or 'it has not said why'}": linked
@@ -251,10 +260,16 @@ def target_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
     return [text for text, is_so in problems.items() if is_so]
 
 
-def other_vehicle(told: str) -> str:
-    """What is wrong with a vehicle that says it is `told`, where that is no PX4 on a multicopter."""
-    other = told.removeprefix("px4 on ")
-    return f"the vehicle is no PX4 but {told}" if other == told else f"the vehicle is no multicopter but {other}"
+def other_vehicle(told: str, vehicle: str = "copter") -> str:
+    """What is wrong with a vehicle that says it is `told`, where that is no PX4 on such a `vehicle`."""
+    other = "a multicopter" if told == "px4" else told.removeprefix("px4 on ")
+    if other == told:
+        return f"the vehicle is no PX4 but {told}"
+    wanted = {"copter": "multicopter", "rover": "ground rover"}[vehicle]
+    return f"the vehicle is no {wanted} but {other}" + {
+        "a ground rover": "; mission.vehicle: rover is for such a one",
+        "a multicopter": "; mission.vehicle: copter is for such a one",
+    }.get(other, "")
 
 
 def _mode_problem(now: Readiness) -> str:
@@ -266,6 +281,8 @@ def _mode_problem(now: Readiness) -> str:
         return f"the vehicle is flown in mode {now.mode}; put it into hold first"
     if now.in_air and intended is not FlightMode.HOLD:
         return f"the vehicle holds, but was asked for {intended} and may go back to it: {_CHOOSE_HOLD}"
+    if now.vehicle == "rover" and not now.in_air and intended is not FlightMode.HOLD:
+        return f"the rover stands in mode {intended}, in which it would be armed: {_CHOOSE_HOLD}"
     if not now.in_air and intended in _NOT_ON_THE_GROUND:
         return f"the vehicle stands in mode {intended}, in which it does not arm: {_CHOOSE_HOLD}"
     return ""

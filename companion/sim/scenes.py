@@ -57,6 +57,8 @@ class Scene:
     direct_gain: float = 1.0
     drive_speed_m_s: float = 0.0
     from_start: bool = False
+    drives: bool = False
+    """The receiver is a rover."""
     vio_bias_std: float | None = None
     north_error_rad: float = 0.0
 
@@ -99,18 +101,27 @@ _SCENES: Final = {
     "furniture": Scene(furnished),
     "drift": Scene(hall, vio_bias_std=0.07),
     "north": Scene(hall, north_error_rad=math.radians(10.0)),
+    "ground": Scene(hall, drives=True),
     "occluded": Scene(hall, direct_gain=10 ** (-10 / 20), drive_speed_m_s=0.1),
 }
 SCENES: Final = tuple(_SCENES)
-"""Their names. `occluded` is the paper's mission: out of sight, with a robot that drives off on the way."""
+"""Their names. In `ground` a rover looks for the robot; `occluded` is the paper's mission: out of sight, with a robot
+that drives off on the way."""
+FLOWN: Final = tuple(name for name, scene in _SCENES.items() if not scene.drives)
+"""Those in which missions at virtual time fly."""
 
 
-def scene_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names themselves. Raises ConfigError naming one that is none, and all there are."""
+def scene_names(names: Sequence[str], known: Sequence[str] = SCENES) -> tuple[str, ...]:
+    """The names themselves. Raises ConfigError naming one that is none of `known`, and all there are."""
     for name in names:
-        if name not in _SCENES:
-            raise ConfigError(f"scene {name!r} is unknown; expected one of {', '.join(SCENES)}")
+        if name not in known:
+            raise ConfigError(f"scene {name!r} is unknown; expected one of {', '.join(known)}")
     return tuple(names)
+
+
+def drives(name: str) -> bool:
+    """Whether the receiver of a scene is a rover."""
+    return _SCENES[name].drives
 
 
 def set_in(base: Scenario, name: str) -> Scenario:

@@ -21,7 +21,7 @@ from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
 from companion.host.child import die_with_parent
 from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
-from companion.sim.scenes import fence_in, set_in
+from companion.sim.scenes import drives, fence_in, set_in
 from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
@@ -30,6 +30,8 @@ _PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_A
 """What the preflight requires; PX4's own defaults are others. The lowest ceiling of the scenes is at 3.5 m."""
 _GPS_DENIED: Final = ("SYS_HAS_GPS=0", "EKF2_GPS_CTRL=0", "EKF2_HGT_REF=3", "EKF2_EV_CTRL=11")
 _VIO_HZ: Final = 50.0
+_MAST_M: Final = 0.45
+_ROVER_M_S2: Final = 0.4
 _ROBOTS: Final = 2
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
@@ -69,6 +71,8 @@ def set_stage(
     mavlink_port, neighbour_port = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
     uav = load_config(_CONFIGS / "demo-uav.yaml")
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
+    if scene is not None and drives(scene):
+        uav = _on_wheels(uav)
     uav = dataclasses.replace(
         _placed(uav, directory / "uav", transport, neighbour_port, out / "log.mcap", claims),
         autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}", gps=gps, forward_vio_hz=0.0 if gps else _VIO_HZ),
@@ -114,7 +118,12 @@ class Cast:
         self._stage = stage
         self._out = out
         parameters = (*_PX4_PARAMETERS, *(_GPS_DENIED if stage.uav.flies_by_poses else ()))
-        self._px4_options = (*(word for one in parameters for word in ("--param", one)), *px4_options)
+        self._px4_options = (
+            "--vehicle",
+            stage.uav.mission.vehicle,
+            *(word for one in parameters for word in ("--param", one)),
+            *px4_options,
+        )
         self._processes: dict[str, asyncio.subprocess.Process] = {}
 
     async def __aenter__(self) -> Cast:
@@ -226,6 +235,16 @@ def _placed(
         csi=dataclasses.replace(config.csi, source=cast(Literal["netlink", "unix"], transport), connector_idx=index),
         neighbours=dataclasses.replace(config.neighbours, port=neighbour_port),
         recorder=dataclasses.replace(config.recorder, path=str(log.resolve())),
+    )
+
+
+def _on_wheels(config: Config) -> Config:
+    """A rover in the place of the copter: its antenna on a mast, and turns that it can follow without a stop."""
+    forward, left, _ = config.pose.antenna_m
+    return dataclasses.replace(
+        config,
+        mission=dataclasses.replace(config.mission, vehicle="rover", acceleration_m_s2=_ROVER_M_S2),
+        pose=dataclasses.replace(config.pose, antenna_m=(forward, left, _MAST_M)),
     )
 
 

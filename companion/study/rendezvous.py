@@ -16,7 +16,7 @@ from numpy.random import SeedSequence
 
 from companion.config.schema import PingConfig
 from companion.sim.scenario import RadioScenario, VioScenario
-from companion.sim.scenes import SCENES, scene_names, set_in
+from companion.sim.scenes import FLOWN, scene_names, set_in
 from companion.study import rendezvous_figures
 from companion.study.angles import aoa_error
 from companion.study.belief import BeliefCheck, check
@@ -39,7 +39,7 @@ class MissionCase:
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
-    names = scene_names(settings.scenes) or SCENES
+    names = scene_names(settings.scenes, FLOWN) or FLOWN
     return [MissionCase(names[i % len(names)], i // len(names)) for i in range(settings.trials)]
 
 

@@ -35,6 +35,7 @@ from companion.sim.px4.clocks import PowerUpClock
 from companion.sim.px4.commander import Commander, Mode
 from companion.sim.px4.link import Px4Link
 from companion.sim.px4.parameters import DEFAULTS, parsed
+from companion.sim.px4.rover import RoverFrame
 
 _SO_TIMESTAMPNS = 35  # socket(7)
 _TIMESPEC = struct.Struct("qq")
@@ -60,11 +61,13 @@ class Px4:
         clock_rate: float = 1.0,
         drift_m: float = 0.5,
         signing_key: bytes | None = None,
+        vehicle: str = "copter",
     ) -> None:
         """`clock_rate`: of the vehicle's clock against ours. `drift_m`: how far the estimate's Up wanders before the
         takeoff."""
         gusts = None if seed is None else Gusts(seed)
-        airframe = Airframe(AirframeLimits(), yaw_enu_rad, gusts)
+        drives = vehicle == "rover"
+        airframe = RoverFrame(yaw_enu_rad, gusts) if drives else Airframe(AirframeLimits(), yaw_enu_rad, gusts)
         self.commander = Commander(airframe, now_ns, parameters, drift_m)
         clock = PowerUpClock(now_ns, _UP_S, clock_rate)
         self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind], signing_key)
@@ -347,6 +350,7 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 @click.option("--clock-rate", default=1.0, show_default=True, help="of the vehicle's clock against the host's")
 @click.option("--drift", "drift_m", default=0.5, show_default=True, help="of the estimate's Up on the ground [m]")
 @click.option("--signing-key", type=click.Path(path_type=Path), help="file of the key that it signs with and demands")
+@click.option("--vehicle", type=click.Choice(["copter", "rover"]), default="copter", show_default=True)
 @click.option("--param", "parameters", multiple=True, callback=_parameters, help="a parameter, NAME=VALUE")
 def main(
     connect: tuple[str, int],
@@ -361,12 +365,13 @@ def main(
     clock_rate: float,
     drift_m: float,
     signing_key: Path | None,
+    vehicle: str,
     parameters: dict[str, int | float],
 ) -> None:
     """A mock PX4 for simulation and tests."""
     px4 = Px4(
         time.monotonic_ns(), seed, yaw_enu_rad, parameters,
-        system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m,
+        system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m, vehicle=vehicle,
         signing_key=None if signing_key is None else read_signing_key(signing_key),
     )  # fmt: skip
     runner = Runner(px4, connect, rate, truth_path, control, ground)

@@ -18,6 +18,7 @@ from companion.sim.px4.airframe import Airframe, Demand
 from companion.sim.px4.estimator import PositionEstimator
 from companion.sim.px4.navigator import Return, is_outside_fence, landing
 from companion.sim.px4.parameters import DEFAULTS, Parameters
+from companion.sim.px4.rover import RoverFrame
 
 _HISTORY = 200
 
@@ -111,6 +112,11 @@ class Commander:
         self._return = self._new_return()
 
     @property
+    def drives(self) -> bool:
+        """Whether it is a rover."""
+        return isinstance(self.airframe, RoverFrame)
+
+    @property
     def is_at_rest(self) -> bool:
         """As the estimator takes it: motors off, on the ground."""
         return self.landed and not self.armed
@@ -198,6 +204,8 @@ class Commander:
     def _can_run(self, mode: Mode) -> bool:
         if mode in (Mode.HOLD, Mode.RTL):
             return self.estimator.has_global_position
+        if mode is Mode.TAKEOFF and self.drives:
+            return False
         if mode in (Mode.TAKEOFF, Mode.POSCTL):
             return self.estimator.has_local_position
         return mode is not Mode.OFFBOARD or (self.estimator.has_local_position and self._signal(self._now_ns))
@@ -249,6 +257,9 @@ class Commander:
         return Return(self.airframe.estimated_p_enu_m, self._home_m, self.parameters)
 
     def _demand(self) -> Demand:
+        if self.drives and self.mode in (Mode.LAND, Mode.RTL):
+            x, y, _ = self._home_m if self.mode is Mode.RTL else self._target.p_enu_m
+            return Demand((x, y, None), (0.0, 0.0, 0.0))
         here_m, slow_m_s = self.airframe.estimated_p_enu_m, float(self.parameters["MPC_LAND_SPEED"])
         if self.mode is Mode.TAKEOFF:
             return self._climb(here_m)
@@ -286,6 +297,9 @@ class Commander:
         self._was_outside = outside
 
     def _watch_ground(self) -> None:
+        if self.drives:
+            self._watch_rover()
+            return
         if not self.airframe.on_ground:
             self._contact_ns = self._now_ns
             self.landed, self._has_flown = False, True
@@ -296,6 +310,16 @@ class Commander:
         if self._has_flown:
             wait_s = _LANDED_S + self.parameters["COM_DISARM_LAND"]
         if self.armed and self.landed and contact_s > wait_s:
+            self.disarm()
+
+    def _watch_rover(self) -> None:
+        """PX4's RoverLandDetector: while it is armed a rover has not landed, but in land, and at home in return."""
+        here_m = self.airframe.estimated_p_enu_m
+        is_home = self.mode is Mode.RTL and math.dist(here_m[:2], self._home_m[:2]) < self.parameters["NAV_ACC_RAD"]
+        self.landed = not self.armed or self.mode is Mode.LAND or is_home
+        if not self.landed:
+            self._contact_ns = self._now_ns
+        elif self.armed and self._now_ns - self._contact_ns > self.parameters["COM_DISARM_LAND"] * NS_PER_S:
             self.disarm()
 
 

@@ -149,9 +149,8 @@ class Streams:
         at_rest = mavlink.MAV_STATE_STANDBY if commander.can_arm else mavlink.MAV_STATE_UNINIT
         status = mavlink.MAV_STATE_ACTIVE if commander.armed else at_rest
         status = mavlink.MAV_STATE_CRITICAL if commander.failsafe else status
-        return self._mav.heartbeat_encode(
-            mavlink.MAV_TYPE_QUADROTOR, self._kind, base_mode, commander.mode.custom_mode, status
-        )
+        vehicle = mavlink.MAV_TYPE_GROUND_ROVER if commander.drives else mavlink.MAV_TYPE_QUADROTOR
+        return self._mav.heartbeat_encode(vehicle, self._kind, base_mode, commander.mode.custom_mode, status)
 
     def _current_mode(self) -> Any:
         commander = self._commander

@@ -59,7 +59,11 @@ def test_what_was_never_there_is_said_in_words() -> None:
     nobody = dict.fromkeys(VEHICLE)
     told = status(bearing=None, target=None, vehicle=nobody, packet_age_s=None, state="idle")
     lines = dict(person_lines(told))
-    assert (lines["vehicle"], lines["bearing"], lines["target"]) == ("none heard", "none yet", "beacon: nothing known yet")
+    assert (lines["vehicle"], lines["bearing"], lines["target"]) == (
+        "none heard",
+        "none yet",
+        "beacon: nothing known yet",
+    )
     worst = [(item.name, item.level) for item in health_items(told, None)]
     assert ("autopilot", "bad") in worst and ("card", "bad") in worst
 

@@ -9,7 +9,7 @@ from companion.diagnosis.autopilot import _vehicle
 
 
 def test_our_vehicle_is_named() -> None:
-    check = _vehicle(VehicleState(t_mono_ns=0, system_id=1, autopilot="px4", firmware="1.16.1"))
+    check = _vehicle(VehicleState(t_mono_ns=0, system_id=1, autopilot="px4", firmware="1.16.1"), "copter")
     assert check.ok and check.found == "system 1, px4 1.16.1"
 
 
@@ -21,5 +21,5 @@ def test_our_vehicle_is_named() -> None:
     ],
 )
 def test_what_engage_would_refuse_fails(autopilot: str, said: str) -> None:
-    check = _vehicle(VehicleState(t_mono_ns=0, system_id=1, autopilot=autopilot))
+    check = _vehicle(VehicleState(t_mono_ns=0, system_id=1, autopilot=autopilot), "copter")
     assert not check.ok and check.found == said

@@ -93,3 +93,15 @@ async def test_after_a_landing_offboard_is_left_once_it_has_disarmed(landing: _L
     clock = ManualClock()
     await FlightCommands(landing, clock, lambda *_: None).leave_on_the_ground()  # type: ignore[arg-type]
     assert landing.commanded == commanded and clock.now_ns() >= 1.9 * NS_PER_S
+
+
+@pytest.mark.parametrize("armed", [False, True])
+async def test_a_rover_is_armed_and_nothing_else(armed: bool) -> None:
+    autopilot = _Arming(replace(_FLYING, armed=armed))
+    await FlightCommands(autopilot, ManualClock(_NOW_NS), lambda event, reason: None).arm()  # type: ignore[arg-type]
+    assert autopilot.commanded == ([] if armed else ["arm"])
+
+
+class _Arming(_Autopilot):
+    async def arm(self) -> None:
+        self.commanded.append("arm")

@@ -318,3 +318,16 @@ def test_a_place_is_inside_up_to_the_very_edge() -> None:
     assert limits.is_in_cylinder((limits.fence_radius_m, 0.0, 99.0))
     assert not limits.is_in_cylinder((0.0, limits.fence_radius_m + 0.01, 0.0))
     assert not limits.is_in_cylinder((float("nan"), 0.0, 0.0))
+
+
+def test_a_rover_has_no_least_height_and_is_moved_neither_up_nor_down() -> None:
+    gate = Gate(dataclasses.replace(_LIMITS, on_ground=True))
+    stands = dataclasses.replace(_STATE, p_local_enu_m=(1.0, 2.0, 0.0), v_local_enu_m_s=(0.0, 0.0, 0.0))
+    drive = Setpoint(_NOW_NS, None, (0.4, 0.1, 0.0), None)
+    assert gate.check(drive, stands, _NOW_NS, True).reasons == ()
+    assert Reason.HEIGHT in _GATE.check(drive, stands, _NOW_NS, True).reasons
+    for up_m_s in (1e-6, -1e-6, 0.4):
+        climb = dataclasses.replace(drive, v_local_enu_m_s=(0.4, 0.1, up_m_s))
+        assert gate.check(climb, stands, _NOW_NS, True).reasons == (Reason.CLIMB,)
+    beyond = dataclasses.replace(stands, p_local_enu_m=(9.9, 2.0, 0.0))
+    assert gate.check(drive, beyond, _NOW_NS, True).reasons == (Reason.FENCE_BOX,)

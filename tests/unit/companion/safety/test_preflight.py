@@ -331,3 +331,34 @@ def test_in_the_air_a_vehicle_in_hold_is_handed_over_and_one_whose_mode_is_not_k
 def test_a_parameter_that_is_no_number_or_below_all_is_right_for_nothing(gps: bool, value: float) -> None:
     names = [requirement.name for requirement in required_parameters(gps)]
     assert len(list(parameter_problems(dict.fromkeys(names, value), gps))) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "told", "line"),
+    [
+        ("copter", "px4 on a ground rover", "the vehicle is no multicopter but a ground rover; mission.vehicle: rover "
+         "is for such a one"),
+        ("rover", "px4", "the vehicle is no ground rover but a multicopter; mission.vehicle: copter is for such a one"),
+        ("rover", "px4 on a boat", "the vehicle is no ground rover but a boat"),
+        ("rover", "ardupilot on a ground rover", "the vehicle is no PX4 but ardupilot on a ground rover"),
+    ],
+)  # fmt: skip
+def test_the_vehicle_is_the_one_of_the_configuration(vehicle: str, told: str, line: str) -> None:
+    assert readiness_problems(replace(_READY, vehicle=vehicle, not_px4=told), _LIMITS) == [line]
+
+
+def test_a_rover_is_armed_in_hold_alone() -> None:
+    """In a pilot's mode arming would give the sticks the wheels."""
+    rover = replace(_READY, vehicle="rover")
+    assert readiness_problems(rover, _LIMITS) == []
+    (line,) = readiness_problems(replace(rover, mode=FlightMode.MANUAL, intended_mode=FlightMode.MANUAL), _LIMITS)
+    assert line == "the rover stands in mode manual, in which it would be armed: choose Hold at the ground station"
+    assert readiness_problems(replace(_READY, mode=FlightMode.MANUAL, intended_mode=FlightMode.MANUAL), _LIMITS) == []
+
+
+def test_a_rover_needs_no_parameter_of_a_takeoff_or_of_heights() -> None:
+    copter, rover = ({one.name for one in required_parameters(True, vehicle)} for vehicle in ("copter", "rover"))
+    assert copter - rover == {"RTL_RETURN_ALT", "GF_MAX_VER_DIST", "NAV_MC_ALT_RAD"}
+    values = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5.0, "COM_RC_OVERRIDE": 3.0, "GF_ACTION": 2.0, "SYS_HAS_GPS": 1.0,
+              "EKF2_EV_CTRL": 0.0}  # fmt: skip
+    assert list(parameter_problems(values, True, vehicle="rover")) == []

@@ -1,0 +1,61 @@
+"""A log in which a person names another robot in flight: a replay of it is that flight again, to the byte."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from companion.config.schema import Config, Peer
+from companion.core.inputs import Event, Wish
+from companion.core.streams import MISSION, SETPOINT, TICK, WISH
+from companion.log.reader import LoggedMessage, Session, open_session
+from companion.replay.player import INPUT_TOPICS, Player
+from companion.replay.result import ReplayResult, replay_log
+from tests.golden.golden_logs import GOLDEN
+
+_SECOND = 9
+
+
+class _Changed(Session):
+    """A golden log with a second robot in its configuration, and a wish to fly there near its end."""
+
+    def config(self) -> Config:
+        config = super().config()
+        return dataclasses.replace(config, peers=[*config.peers, Peer(_SECOND, "second", "00:21:6A:00:00:09", "none")])
+
+    def messages(self, *asked: object, **others: object) -> Iterator[LoggedMessage]:
+        kept = list(super().messages(INPUT_TOPICS))
+        end_ns, shift = kept[-1].log_time_ns, 0
+        for message in kept:
+            if not shift and message.topic == TICK.topic and message.log_time_ns > end_ns - 2_500_000_000:
+                now_ns = message.log_time_ns - self.wall_minus_mono_ns
+                wish = Wish(now_ns, Event.RETARGET, "", target=_SECOND)
+                yield LoggedMessage(
+                    topic=WISH.topic, log_time_ns=message.log_time_ns, data=msgspec.json.encode(wish),
+                    sequence=message.sequence,
+                )  # fmt: skip
+                shift = 1
+            yield dataclasses.replace(message, sequence=message.sequence + shift)
+
+
+def _replayed(path: Path) -> ReplayResult:
+    session = open_session(path)
+    changed = _Changed(**{one.name: getattr(session, one.name) for one in dataclasses.fields(session)})
+    with Player(changed, changed.config(), exact=True) as player:
+        return replay_log(player, changed, None)
+
+
+def test_a_change_of_target_is_replayed_to_the_byte_and_makes_no_step() -> None:
+    (path,) = GOLDEN
+    first, second = _replayed(path), _replayed(path)
+    assert first.as_json() == second.as_json()
+    steps = [msgspec.json.decode(one.data) for one in first.decided if one.stream is MISSION]
+    assert [(one["state"], one["next_state"]) for one in steps if one["event"] == "retarget"] == [
+        ("approaching", "acquiring")
+    ]
+    v = np.array([msgspec.json.decode(one.data)["v_local_enu_m_s"] for one in first.decided if one.stream is SETPOINT])
+    assert np.abs(np.diff(v, n=2, axis=0)).max() / 0.05 < 0.5
