@@ -46,7 +46,7 @@ _BLOCK = 704
 _TILE = 60
 # Up to so many packets vector lanes run over columns instead of packets, in groups of so many packets: over those of
 # the one-degree grid and a few, so that none is left over for a loop without lanes. So far apart are packets' waves.
-_FEW = 96
+_FEW = 240
 _GROUP = 16
 _WIDE = 184
 _STRIDE = 368

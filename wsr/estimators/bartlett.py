@@ -42,7 +42,7 @@ class Bartlett:
             column = int(np.searchsorted(aperture.grid.k, 0.0)) if self.subcarrier is None else self.subcarrier
             column = min(column, aperture.grid.size - 1)
             channel = aperture.forward[:, column].astype(np.complex128) * aperture.reverse[:, column]
-        profile = bartlett_profile(aperture.chi_m, channel, aperture.wavelength_m)
+        profile = bartlett_profile(aperture.chi_m, channel, aperture.wavelength_m, cells=True)
         best, *others = find_peaks(profile, _PATHS)
         image = _image(aperture, best)
         rivals = without_image(tuple(others), best, image)

@@ -1,0 +1,169 @@
+"""Fewer packets with the same field: skeletons of the stretches of a path.
+
+In every direction u the packets of a stretch add up to F(u) = sum_k g_k exp(-j 2 pi u . x_k), positions x in
+wavelengths of the phase. Over a stretch a few wavelengths long all these steering vectors lie, but for a small rest, in
+the span of those of a few of its packets, the skeleton: about two a wavelength and some at the ends, however densely
+packets lie. With the right weights w the skeleton alone gives the same field,
+
+    F(u) = sum_i w_i exp(-j 2 pi u . x_i).
+
+The inner product of two steering vectors over the sphere is real and known, K(d) = sin(2 pi d) / (2 pi d) with their
+distance d. So the skeleton is found by Cholesky's factors of K with pivots, which takes the worst represented packet
+next and knows the mean square rest of each, without any direction being looked at; weights follow from the same
+factors. Since only distances enter, a spherical wave, which across a stretch is a few plane ones, is kept as well.
+
+Cheng, Gimbutas, Martinsson, Rokhlin, On the compression of low rank matrices, SIAM J. Sci. Comput. 26, 2005; greedy
+choice by a kernel: De Marchi, Schaback, Wendland, Adv. Comput. Math. 23, 2005.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsr.kernel import compiled
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_LENGTHS: Final = (1.0, 3.0, 8.0)
+"""Wavelengths: first short stretches, whose many packets need few members, then long ones of these members, which need
+fewer for their length."""
+_MOST: Final = (32, 48, 48)
+"""Members. A smooth path needs 7, 14 and 27; what shakes needs more, up to where the search is not worth it. Such a
+stretch stays as it is, as does one that would keep nearly all, and the rest of a path that has more of these."""
+_WORTH: Final = 0.9
+_PATIENCE: Final = 2
+TOLERANCE: Final = 1e-4
+"""Root mean square, over directions, of what is left of a packet's steering vector."""
+
+# sin(pi r) / (pi r) on |r| <= 1/2 as a polynomial in r^2: Taylor's, error 1e-14.
+_S1, _S2, _S3, _S4, _S5, _S6, _S7 = ((-1) ** n * math.pi ** (2 * n) / math.factorial(2 * n + 1) for n in range(1, 8))
+
+
+def condensed(x: Array, channel: Complex, tolerance: float = TOLERANCE) -> tuple[Array, Complex]:
+    """Positions (N, 3) and channels (N, S), N <= M, with the field of packets x (M, 3) in wavelengths of the phase and
+    channel (M, S), all finite, in path order. Stretches that have no small skeleton are left as they are."""
+    places = np.ascontiguousarray(x.T, np.float64)
+    parts = np.ascontiguousarray(np.concatenate([channel.real.T, channel.imag.T]), np.float64)
+    for length, most in zip(_LENGTHS, _MOST, strict=True):
+        count = _condense(places, parts, length, tolerance**2, most)
+        places, parts = places[:, :count].copy(), parts[:, :count].copy()
+    half = len(parts) // 2
+    return places.T, (parts[:half] + 1j * parts[half:]).T
+
+
+@compiled
+def _condense(places: Array, parts: Array, length: float, rest: float, most: int) -> int:
+    """Moves places (3, M) and parts (2 S, M) of the channels of all skeletons to the front; their number."""
+    packets, count, first = places.shape[1], 0, 0
+    factor = np.empty((most, packets))
+    left, column, members = np.empty(packets), np.empty(3 * packets), np.empty(packets, np.int64)
+    weights = np.empty((parts.shape[0], most))
+    patience = _PATIENCE
+    for k in range(1, packets + 1):
+        if k < packets:
+            far = 0.0
+            for axis in range(3):
+                far += (places[axis, k] - places[axis, first]) ** 2
+            if far <= length * length:
+                continue
+        size = k - first
+        rank = 0
+        if patience > 0 and size > 1:
+            rank = _skeleton(places, first, size, rest, min(most, int(_WORTH * size)), factor, left, column, members)
+            patience = min(patience + 1, _PATIENCE) if rank > 0 else patience - 1
+        if rank > 0:
+            _weigh(parts, first, size, rank, factor, members, weights)
+            for i in range(rank):
+                for axis in range(3):
+                    column[axis * rank + i] = places[axis, first + members[i]]
+            for i in range(rank):
+                for axis in range(3):
+                    places[axis, count + i] = column[axis * rank + i]
+                for s in range(parts.shape[0]):
+                    parts[s, count + i] = weights[s, i]
+            count += rank
+        else:
+            for i in range(size):
+                for axis in range(3):
+                    places[axis, count + i] = places[axis, first + i]
+                for s in range(parts.shape[0]):
+                    parts[s, count + i] = parts[s, first + i]
+            count += size
+        first = k
+    return count
+
+
+@compiled
+def _skeleton(
+    places: Array,
+    first: int,
+    size: int,
+    rest: float,
+    most: int,
+    factor: Array,
+    left: Array,
+    column: Array,
+    members: NDArray[np.int64],
+) -> int:
+    """Number of members of one stretch, or 0 where more than `most` would be needed; rows of Cholesky's factor L^T."""
+    # Views, whose indices cannot be negative: else there are no vector lanes.
+    px, py, pz = places[0, first : first + size], places[1, first : first + size], places[2, first : first + size]
+    left[:size] = 1.0
+    for rank in range(most + 1):
+        pivot = 0
+        for k in range(1, size):
+            if left[k] > left[pivot]:
+                pivot = k
+        if left[pivot] <= rest:
+            return rank
+        if rank == most:
+            break
+        x, y, z = px[pivot], py[pivot], pz[pivot]
+        for k in range(size):
+            a, b, c = px[k] - x, py[k] - y, pz[k] - z
+            column[k] = _kernel(a * a + b * b + c * c)
+        for i in range(rank):
+            share = factor[i, pivot]
+            for k in range(size):
+                column[k] -= share * factor[i, k]
+        scale = 1.0 / math.sqrt(left[pivot])
+        for k in range(size):
+            value = column[k] * scale
+            factor[rank, k] = value
+            left[k] -= value * value
+        left[pivot] = 0.0
+        members[rank] = pivot
+    return 0
+
+
+@compiled
+def _weigh(
+    parts: Array, first: int, size: int, rank: int, factor: Array, members: NDArray[np.int64], weights: Array
+) -> None:
+    """Weights w of the members: L_m^T w = L^T g, from the last on."""
+    for s in range(parts.shape[0]):
+        part = parts[s, first : first + size]
+        for i in range(rank - 1, -1, -1):
+            value = 0.0
+            for k in range(size):
+                value += factor[i, k] * part[k]
+            for j in range(i + 1, rank):
+                value -= factor[i, members[j]] * weights[s, j]
+            weights[s, i] = value / factor[i, members[i]]
+
+
+@compiled
+def _kernel(square: float) -> float:
+    """K of the square of a distance."""
+    d = 2.0 * math.sqrt(square) + 1e-15
+    turns = np.rint(d)
+    r = d - turns
+    q = r * r
+    sine = r + r * q * (_S1 + q * (_S2 + q * (_S3 + q * (_S4 + q * (_S5 + q * (_S6 + q * _S7))))))
+    sign = 1.0 - 2.0 * abs(turns - 2.0 * np.rint(0.5 * turns))
+    return float(sign * sine / d)
