@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from companion.neighbours import wire
+from companion.neighbours.sightings import Sighting
 
 KEY = bytes(range(32))
 
@@ -33,4 +36,19 @@ def example() -> wire.Datagram:
             antenna=np.array([0, 2], np.uint8),
         ),
         echo=wire.Echo(1, 4_900_000, 20_000),
+        sightings=(
+            Sighting(
+                target=1,
+                number=300,
+                t_ns=3_200_000_000,
+                azimuth_rad=-0.5 * math.pi,
+                azimuth_std_rad=0.04,
+                polar_rad=0.5 * math.pi,
+                polar_std_rad=math.inf,
+                range_m=3.25,
+                range_std_m=0.8,
+                reliability=0.6,
+                fresh=0.2,
+            ),
+        ),
     )

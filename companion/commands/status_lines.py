@@ -26,6 +26,7 @@ def person_lines(status: Values) -> Iterator[tuple[str, str]]:
     yield "state", f"{about['name']}: {'serving' if state == 'beacon' else state.replace('_', ' ')}"
     yield "next", next_step(state, about["control"], about["mission"], len(missing))
     if state == "beacon":
+        yield from team_lines(status.get("team"))
         return
     if status["reason"]:
         yield "why", str(status["reason"])
@@ -37,6 +38,7 @@ def person_lines(status: Values) -> Iterator[tuple[str, str]]:
     for robot in status["robots"]:
         if robot["id"] != status["target_id"]:
             yield "other robot", f"{robot['name']} ({robot['id']}): {target_words(robot['place'])}"
+    yield from team_lines(status.get("team"))
 
 
 def health_items(status: Values, free_mib: float | None) -> list[Item]:
@@ -68,6 +70,31 @@ def target_words(target: Values | None) -> str:
     held = f"{nearest_m:.0f} to {farthest_m:.0f} m with 90 %"
     sure = f"{100 * target['probability']:.0f} % sure of this place"
     return f"{range_m:.1f} m{deviation} away{known} ({held}); {sure}{rivals}"
+
+
+def team_lines(team: Values | None) -> Iterator[tuple[str, str]]:
+    """Where each robot of the team is from here, and by how much its axes are turned against ours; nothing where the
+    team is off."""
+    if team is None:
+        return
+    if not team["robots"]:
+        yield "team", "nothing known yet" if team["age_s"] is None else "nothing new of it"
+        return
+    for number, (name, robot) in enumerate(team["robots"].items()):
+        yield "team" if number == 0 else "", f"{name}: {_relative(robot)}"
+    yield "own axes", f"{team['own_axes_deg']:+.1f}° ± {team['own_axes_std_deg']:.1f}° by all robots' North"
+
+
+def _relative(robot: Values) -> str:
+    if not robot["sightings"]:
+        return "no bearing of it or by it"
+    east_m, north_m, up_m = robot["p_own_m"]
+    if not robot["placed"]:
+        azimuth_deg = math.degrees(math.atan2(north_m, east_m))
+        return f"not placed yet, about compass {compass_deg(azimuth_deg):.0f}°"
+    place = "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*(round(p, 1) + 0.0 for p in (east_m, north_m, up_m)))
+    axes = f"its axes {robot['axes_deg']:+.1f}° ± {robot['axes_std_deg']:.1f}° to ours"
+    return f"{place} from here, ± {robot['std_m']:.1f} m; {axes}"
 
 
 def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:

@@ -272,6 +272,13 @@ class RecorderConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TeamConfig:
+    """Where all robots are relative to this one, by everybody's bearings, by a process of its own; see docs/team.md."""
+
+    enabled: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PageConfig:
     """What a browser is shown of the robot, by a process of its own; see docs/page.md."""
 
@@ -310,6 +317,7 @@ class Config:
     mission: MissionConfig = field(default_factory=MissionConfig)
     gate: GateConfig = field(default_factory=GateConfig)
     page: PageConfig = field(default_factory=PageConfig)
+    team: TeamConfig = field(default_factory=TeamConfig)
     autopilot: AutopilotConfig | None = None
 
     @property

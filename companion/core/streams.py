@@ -65,6 +65,7 @@ APERTURE_PATH: Final = Stream("/aperture/path", 0.3, 20.0, "protobuf", _VIEW)
 TRANSFORMS: Final = Stream("/tf", 20, 0.5, "protobuf", _VIEW)
 SCENE: Final = Stream("/scene", 0.3, 20.0, "protobuf", _VIEW)
 
+TEAM: Final = Stream("/team", 0, 0.0, "json", _REPORT)
 HEALTH: Final = Stream("/health", 1, 3.0, "json", _REPORT)
 LOG: Final = Stream("/log", 0, 0.0, "protobuf", _REPORT)
 AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json", _REPORT)
@@ -75,5 +76,5 @@ STREAMS: Final = (
     CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END,
     APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE, OBSERVED,
     PROFILE, POSE, APERTURE_PATH, TRANSFORMS, SCENE,
-    HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
+    TEAM, HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
 )  # fmt: skip

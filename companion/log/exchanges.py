@@ -84,7 +84,7 @@ def _broadcast(base: Session, robot: int | None) -> dict[int, set[tuple[int, int
     found: dict[int, set[tuple[int, int]]] = {}
     for message in base.messages({NEIGHBOUR.topic}):
         # Its signature was good when it was recorded; the key is in no log.
-        data = wire.signed(message.data[: -wire.TAG_BYTES], _ANY_KEY)
+        data = wire.signed_anew(message.data, _ANY_KEY)
         try:
             datagram = wire.decode(data, [_ANY_KEY])
         except wire.WireError:

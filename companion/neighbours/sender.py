@@ -1,4 +1,4 @@
-"""What we broadcast: our poses and the channels we measured, collected, signed, and kept below a rate of bytes."""
+"""What we broadcast: our poses, the channels we measured and our bearings, signed, and kept below a rate of bytes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
+from companion.neighbours.sightings import MAX_SIGHTINGS, Sighting
 from wsr.reduced import reduce_channel
 
 BYTES_PER_S: Final = 5000
@@ -21,6 +22,10 @@ _SAVED_S: Final = 0.1
 _STALLED_S: Final = 0.5
 _HEARD_NS: Final = 2 * NS_PER_S
 _US_MASK: Final = (1 << 32) - 1
+_TOLD: Final = 2
+"""Times that a bearing is sent: a datagram may be lost, and none is asked for again."""
+_SIGHTING_NS: Final = 30 * NS_PER_S
+"""An older one is of no use."""
 
 _Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
 
@@ -49,6 +54,8 @@ class NeighbourSender:
         self._newest_pose_ns = 0
         self._poses: deque[tuple[int, npt.ArrayLike, int]] = deque(maxlen=wire.MAX_POSES)
         self._csi: deque[_Csi] = deque(maxlen=2 * wire.MAX_CSI)
+        self._sightings: deque[tuple[Sighting, int]] = deque(maxlen=4 * MAX_SIGHTINGS)
+        """Bearings, and how often each is still to be sent."""
         self._heard: OrderedDict[int, tuple[int, int]] = OrderedDict()
         """(sending on its clock, arrival on ours) of the newest datagram of each robot, that echoed last at the end"""
         self._allowance = budget_bytes_s * _SAVED_S
@@ -83,6 +90,11 @@ class NeighbourSender:
         power = int(np.clip(round(power_dbm), -128, 127)) if np.isfinite(power_dbm) else -128
         self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna))
 
+    def add_sighting(self, sighting: Sighting) -> None:
+        """Queues a bearing that our own aperture gave."""
+        self.dropped += len(self._sightings) == self._sightings.maxlen
+        self._sightings.append((sighting, _TOLD))
+
     def datagrams(self, now_ns: int) -> list[bytes]:
         """Datagrams with all that was added since the last call: one, or none, or several after a stall or a restart of
         the pinging robot's counter. Sent at `now_ns`."""
@@ -96,8 +108,11 @@ class NeighbourSender:
         self._poses.clear()
         self._csi.clear()
         made = []
-        for number in range(max(len(parts), 1 if poses else 0)):
-            data = self._datagram(poses if number == 0 else [], parts[number] if parts else wire.empty_csi(), now_ns)
+        sightings = self._told(now_ns)
+        for number in range(max(len(parts), 1 if poses or sightings else 0)):
+            channels = parts[number] if parts else wire.empty_csi()
+            first = number == 0
+            data = self._datagram(poses if first else [], channels, sightings if first else (), now_ns)
             if data is not None:
                 made.append(data)
                 self.sent_bytes += len(data) + wire.FRAME_BYTES
@@ -108,7 +123,25 @@ class NeighbourSender:
         """A datagram that the network did not take was not sent."""
         self.sent_bytes -= len(data) + wire.FRAME_BYTES
 
-    def _datagram(self, poses: list[tuple[int, npt.ArrayLike, int]], csi: wire.CsiBatch, now_ns: int) -> bytes | None:
+    def _told(self, now_ns: int) -> tuple[Sighting, ...]:
+        """Bearings for this datagram; those that are to be sent again go behind the others."""
+        told = []
+        for _ in range(min(MAX_SIGHTINGS, len(self._sightings))):
+            sighting, times = self._sightings.popleft()
+            if not 0 <= now_ns - sighting.t_ns < _SIGHTING_NS:
+                continue
+            told.append(sighting)
+            if times > 1:
+                self._sightings.append((sighting, times - 1))
+        return tuple(told)
+
+    def _datagram(
+        self,
+        poses: list[tuple[int, npt.ArrayLike, int]],
+        csi: wire.CsiBatch,
+        sightings: tuple[Sighting, ...],
+        now_ns: int,
+    ) -> bytes | None:
         """With as many of the channels, evenly, as the budget has room for."""
         t_ns, p_enu_m, confidence = zip(*poses, strict=True) if poses else ((), (), ())
         datagram = wire.Datagram(
@@ -123,6 +156,7 @@ class NeighbourSender:
             csi=csi,
             counted=self._counted,
             echo=self._echo(now_ns),
+            sightings=sightings,
         )
         self._counter += 1
         try:

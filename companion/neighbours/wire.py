@@ -20,9 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.neighbours.columns import Values, pack, unpack
+from companion.neighbours.sightings import Sighting, packed_sightings, unpacked_sightings
 from wsr.reduced import COEFFICIENTS
 
-VERSION: Final = 3
+VERSION: Final = 4
+_WITHOUT_SIGHTINGS: Final = 3
 MAX_POSES: Final = 25
 MAX_CSI: Final = 50
 MIN_KEY_BYTES: Final = 32
@@ -47,6 +49,9 @@ _NS_PER_AGE: Final = 100_000
 _MAX_AGE: Final = (1 << _POSE_BITS[0]) - 1
 NIC_SPAN_US: Final = 1 << _STEP_BITS[1]
 _COUNTED: Final = 1
+_SIGHTINGS: Final = 2
+"""Flag: rows of bearings stand between the header and the columns."""
+_FLAGS: Final = _COUNTED | _SIGHTINGS
 MAX_FRAME_STEP: Final = 255
 _MAX_METRES: Final = 2e5
 _HALF_POSITION: Final = 1 << 15
@@ -122,7 +127,8 @@ class Echo:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Datagram:
     """`boot_id`: boot number in the upper 32 bits, random in the lower. `sent_ns` on the sender's monotonic clock.
-    `counted`: the CSI has frame counters; without them it is paired by time."""
+    `counted`: the CSI has frame counters; without them it is paired by time. `sightings`: bearings as the sender
+    measured them, never what it concluded."""
 
     role: Role
     sender: int
@@ -133,6 +139,7 @@ class Datagram:
     csi: CsiBatch
     counted: bool = True
     echo: Echo | None = None
+    sightings: tuple[Sighting, ...] = ()
 
 
 def empty_csi() -> CsiBatch:
@@ -172,11 +179,11 @@ def encode(datagram: Datagram, key: bytes) -> bytes:
     csi_columns, first = _csi_columns(csi, datagram.sent_ns)
     header = _HEADER.pack(
         _MAGIC, VERSION, datagram.role, datagram.sender, datagram.boot_id, datagram.counter, datagram.sent_ns,
-        len(poses.t_ns), len(csi), _COUNTED if datagram.counted else 0, *base, *first,
+        len(poses.t_ns), len(csi), _flags(datagram), *base, *first,
         *((0, 0, 0) if echo is None else (echo.robot, echo.sent_us, echo.held_us)),
     )  # fmt: skip
-    body = header + pack([*pose_columns, *csi_columns])
-    return signed(body, key)
+    sightings = packed_sightings(datagram.sightings, datagram.sent_ns) if datagram.sightings else b""
+    return signed(header + sightings + pack([*pose_columns, *csi_columns]), key)
 
 
 def sender_of(data: bytes) -> int:
@@ -200,11 +207,12 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
         raise SignatureError(f"signature of sender {sender} is wrong: another key, or a forgery")
     (_, _, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, *rest) = _HEADER.unpack_from(body)
     base, first, robot, echo = rest[:3], rest[3:6], rest[6], rest[7:]
-    sound = role in (Role.UAV, Role.BEACON) and flags <= _COUNTED and 0 <= sent_ns < 1 << 62
+    sound = role in (Role.UAV, Role.BEACON) and flags <= _FLAGS and 0 <= sent_ns < 1 << 62
     if not sound or n_poses > MAX_POSES or n_csi > MAX_CSI:
         raise WireError(f"sender {sender}: role {role}, flags {flags}, {n_poses} poses and {n_csi} channels")
     try:
-        columns = unpack(body[_HEADER.size :], _shape(n_poses, n_csi))
+        sightings, used = unpacked_sightings(body[_HEADER.size :], sent_ns) if flags & _SIGHTINGS else ((), 0)
+        columns = unpack(body[_HEADER.size + used :], _shape(n_poses, n_csi))
     except ValueError as error:
         raise WireError(f"sender {sender}: {n_poses} poses and {n_csi} channels: {error}") from None
     return Datagram(
@@ -217,7 +225,12 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
         csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns) if n_csi else empty_csi(),
         counted=bool(flags & _COUNTED),
         echo=Echo(robot, *echo) if robot else None,
+        sightings=sightings,
     )
+
+
+def _flags(datagram: Datagram) -> int:
+    return (_COUNTED if datagram.counted else 0) | (_SIGHTINGS if datagram.sightings else 0)
 
 
 def _shape(n_poses: int, n_csi: int) -> list[tuple[int, int]]:
@@ -293,6 +306,14 @@ def _csi(columns: list[Values], first: Sequence[int], sent_ns: int) -> CsiBatch:
 
 def signed(body: bytes, key: bytes) -> bytes:
     return body + _tag(body, key)
+
+
+def signed_anew(data: bytes, key: bytes) -> bytes:
+    """A datagram of a log, whose signature was good when it was recorded. One of version 3 is the same without
+    bearings, and becomes one of this version; on the air it is refused."""
+    if data[4:5] == bytes([_WITHOUT_SIGHTINGS]):
+        data = data[:4] + bytes([VERSION]) + data[5:]
+    return signed(data[:-TAG_BYTES], key)
 
 
 def _tag(body: bytes, key: bytes) -> bytes:

@@ -1,5 +1,5 @@
-"""Datagrams of a log, for a replay: signed anew, since a replay has no robot's keys, and those of version 2 said again
-as they are said now. On the air only the present version is taken.
+"""Datagrams of a log, for a replay: signed anew, since a replay has no robot's keys, and those of versions 2 and 3 said
+again as they are said now. On the air only the present version is taken.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def resigned(data: bytes, key: bytes) -> bytes:
     """A datagram whose signature was checked when it arrived. Raises WireError for version 2 cut short."""
     if data[4:5] == b"\x02":
         return wire.encode(_version_2(data[: -wire.TAG_BYTES]), key)
-    return wire.signed(data[: -wire.TAG_BYTES], key)
+    return wire.signed_anew(data, key)
 
 
 def _version_2(body: bytes) -> wire.Datagram:

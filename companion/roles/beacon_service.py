@@ -17,6 +17,7 @@ from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.page import Page
+from companion.roles.team import TeamOf
 
 
 async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
@@ -24,8 +25,9 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
     page = Page(config, clock, recorder)
     node = Node(config, clock, page.recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
+    team = TeamOf(node)
     sockets = config.path(config.control_socket), config.path(config.status_socket)
-    control = ControlServer(sockets[0], lambda command, target: _answer(node, command), sockets[1])
+    control = ControlServer(sockets[0], lambda command, target: _answer(node, team, command), sockets[1])
     try:
         node.open()
         await control.open()
@@ -34,17 +36,19 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
             tasks.create_task(control.run(), name="control")
             tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
             page.start(lambda: {"state": "beacon"})
+            team.start()
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
     finally:
         control.close()
         node.close()
+        await team.aclose()
         await page.aclose()
 
 
-async def _answer(node: Node, command: str) -> dict[str, Any]:
+async def _answer(node: Node, team: TeamOf, command: str) -> dict[str, Any]:
     if command != "status":
         return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
     about = introduction(node.config, "live")
-    return {"ok": True, "about": about, "state": "beacon", "health": asdict(node.health())}
+    return {"ok": True, "about": about, "state": "beacon", "team": team.status(), "health": asdict(node.health())}

@@ -30,6 +30,8 @@ from companion.radio.traffic import Traffic
 from companion.roles.health import Health
 from companion.roles.inputs import Inputs
 from companion.sensing.lookalikes import Lookalikes
+from companion.sensing.records import Iteration
+from companion.team.sent import sighting_of
 from wsr.displacement import antenna_positions
 
 _POSES_SHOWN_HZ = 50.0
@@ -166,6 +168,12 @@ class Node:
             self.recorder.record(SECOND, now_ns, Tick(now_ns))
             for neighbour in self.receiver.neighbours.values():
                 neighbour.relate_uncounted(now_ns)
+
+    def share_iteration(self, iteration: Iteration) -> None:
+        """A bearing of our own goes out with the next datagram, as it was measured."""
+        sighting = sighting_of(iteration)
+        if sighting is not None:
+            self.sender.add_sighting(sighting)
 
     def health(self) -> Health:
         now_ns, pose_age_s = self.clock.now_ns(), self.intake.age_s()

@@ -75,4 +75,4 @@ class Uav:
         forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
         node.samples.connect(window.add_sample, self.flight.knowledge.heard)
         node.poses.connect(window.add_pose, forwarder.forward)
-        self.sar.iterations.connect(self.flight.knowledge.add_iteration)
+        self.sar.iterations.connect(self.flight.knowledge.add_iteration, node.share_iteration)

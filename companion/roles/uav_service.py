@@ -23,6 +23,7 @@ from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.page import Page
+from companion.roles.team import TeamOf
 from companion.roles.uav import Uav
 from companion.sensing.worker_process import AoaProcess
 from companion.signing.autopilot import SignedAutopilot, signing_relay
@@ -54,10 +55,12 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         make_autopilot=make_autopilot,
         worker=worker,
     )
+    team = TeamOf(uav.node)
+    uav.sar.iterations.connect(team.add_iteration)
     worker.answers.connect(uav.sar.take_answer)
     worker.readiness.connect(uav.sar.note_worker)
     sockets = config.path(config.control_socket), config.path(config.status_socket)
-    control = ControlServer(sockets[0], lambda command, target: _answer(uav, command, target), sockets[1])
+    control = ControlServer(sockets[0], lambda command, target: _answer(uav, team, command, target), sockets[1])
     try:
         uav.node.open()
         await control.open()
@@ -72,6 +75,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             tasks.create_task(keep_priority(), name="priority")
             page.start(uav.flight.status)
             ground.start(uav.flight.status, edges[-1].ground)
+            team.start()
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
@@ -81,16 +85,18 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         uav.node.close()
         await ground.aclose()
         await uav.autopilot.aclose()
+        await team.aclose()
         await page.aclose()
 
 
-async def _answer(uav: Uav, command: str, target: str | None) -> dict[str, Any]:
+async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> dict[str, Any]:
     if target is not None and command != "engage":
         return {"ok": False, "error": f"{command} takes no target"}
     match command:
         case "status":
             about = introduction(uav.node.config, "live")
-            return {"ok": True, "about": about, **uav.flight.status(), "health": asdict(uav.node.health())}
+            status = uav.flight.status() | {"team": team.status()}
+            return {"ok": True, "about": about, **status, "health": asdict(uav.node.health())}
         case "engage":
             wishes = uav.flight.wishes
             refusal = await wishes.engage(target)

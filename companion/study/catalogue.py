@@ -16,6 +16,7 @@ MODULES: Final = {
     "vio": "vio",
     RENDEZVOUS: "rendezvous",
     "packets": "packets",
+    "team": "team",
 }
 
 

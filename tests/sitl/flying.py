@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.config.file import save_config
-from companion.config.schema import AutopilotConfig, PageConfig
+from companion.config.schema import AutopilotConfig, PageConfig, TeamConfig
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
@@ -168,7 +168,7 @@ async def flying(
     **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
-    configuration; with `page` it has one.
+    configuration; with `page` it has one, and a team.
 
     With `real_url` an autopilot is there already, and whoever asks for it tells the world where its vehicle truly is.
     """
@@ -203,6 +203,7 @@ def _with_camera(
         pose=replace(stage.uav.pose, reader_command=reader),
         mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
         page=page or stage.uav.page,
+        team=TeamConfig(enabled=page is not None),
     )
     assert uav.autopilot is not None
     uav = replace(uav, autopilot=AutopilotConfig(real_url or uav.autopilot.url, **autopilot))

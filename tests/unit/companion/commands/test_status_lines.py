@@ -49,6 +49,36 @@ def test_a_flight_in_a_persons_words() -> None:
     assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}
 
 
+TEAM: dict[str, Any] = {
+    "age_s": 0.4, "own_axes_deg": 1.5, "own_axes_std_deg": 2.1, "dropped": 0, "restarts": 0,
+    "robots": {
+        "two": {"placed": True, "p_own_m": (3.14, -2.0, -0.04), "std_m": 0.6, "axes_deg": 3.2, "axes_std_deg": 1.1,
+                "sightings": 40},
+        "three": {"placed": False, "p_own_m": (9.0, 10.0, 0.0), "std_m": 12.0, "axes_deg": 0.0, "axes_std_deg": 9.9,
+                  "sightings": 4},
+        "four": {"placed": False, "p_own_m": (0.0, 0.0, 0.0), "std_m": 20.0, "axes_deg": 0.0, "axes_std_deg": 9.9,
+                 "sightings": 0},
+    },
+}  # fmt: skip
+
+
+def test_the_team_has_a_line_for_each_robot() -> None:
+    lines = list(person_lines(status(team=TEAM)))
+    at = lines.index(("team", "two: East 3.1, North -2.0, Up 0.0 m from here, ± 0.6 m; its axes +3.2° ± 1.1° to ours"))
+    assert lines[at + 1 : at + 4] == [
+        ("", "three: not placed yet, about compass 42°"),
+        ("", "four: no bearing of it or by it"),
+        ("own axes", "+1.5° ± 2.1° by all robots' North"),
+    ]
+
+
+def test_a_team_that_is_off_is_not_spoken_of_and_one_that_is_silent_is() -> None:
+    assert "team" not in dict(person_lines(status(team=None)))
+    assert dict(person_lines(status(team=TEAM | {"robots": {}})))["team"] == "nothing new of it"
+    beacon = status(state="beacon", team=TEAM | {"robots": {}, "age_s": None})
+    assert dict(person_lines(beacon))["team"] == "nothing known yet"
+
+
 def test_at_rest_what_is_missing_is_listed() -> None:
     lines = list(person_lines(status(state="idle", not_ready=["no packets", "no poses"])))
     assert ("missing", "no packets") in lines and ("", "no poses") in lines

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,15 @@ def test_another_version_is_named() -> None:
             wire.decode(bytes(data), KEYS)
 
 
+def test_version_3_is_refused_on_the_air_and_read_from_a_log() -> None:
+    """It is the same without bearings."""
+    old = bytearray(wire.encode(datagram(), KEY))
+    old[4] = 3
+    with pytest.raises(wire.VersionError, match="robot 2 speaks wire version 3, this program 4: update robot 2"):
+        wire.decode(bytes(old), KEYS)
+    assert wire.decode(wire.signed_anew(bytes(old), KEY), KEYS).counter == datagram().counter
+
+
 DOCUMENT = DOCS / "wire.md"
 
 
@@ -89,17 +99,23 @@ def test_the_example_reads_back() -> None:
     np.testing.assert_array_equal(got.csi.t_ns, sent.csi.t_ns)
     np.testing.assert_allclose(got.poses.p_enu_m, sent.poses.p_enu_m, atol=1e-9)
     assert got.echo == sent.echo
+    (bearing,), (said,) = got.sightings, sent.sightings
+    assert bearing.azimuth_rad == pytest.approx(said.azimuth_rad, abs=1e-4)
+    assert replace(bearing, azimuth_rad=said.azimuth_rad, polar_rad=said.polar_rad) == said
 
 
 def test_a_reader_written_from_the_table_alone_finds_the_same() -> None:
     """Field by field at the documented offsets, with nothing of companion.neighbours.wire."""
     data = documented()
     assert data[:4] == b"WSRN"
-    assert (data[4], data[5], struct.unpack_from("<H", data, 6)[0]) == (3, 2, 2)
+    assert (data[4], data[5], struct.unpack_from("<H", data, 6)[0]) == (4, 2, 2)
     assert struct.unpack_from("<QQq", data, 8) == (0x000000071234ABCD, 41, 5_000_000_000)
-    assert tuple(data[32:35]) == (2, 2, 1)
+    assert tuple(data[32:35]) == (2, 2, 3)
     assert struct.unpack_from("<iiiIII", data, 35) == (12500, -5000, 3000, 1000, 4_294_967_000, 10_000)
     assert struct.unpack_from("<HII", data, 59) == (1, 4_900_000, 20_000)
+    row = struct.unpack_from("<HHHhHHHHHBB", data, 70)
+    assert (data[69], row) == (1, (1, 300, 1800, -(1 << 14), 400, 1 << 14, 65535, 325, 80, 153, 51))
+    data, whole = data[:69] + data[90:], data
     poses, channels = 2, 2
     columns = [(poses, 14), (poses, 2), *[(poses, 16)] * 3, (channels - 1, 8), (channels - 1, 22)]
     columns += [(channels, 2), (channels, 8), (channels, 8), *[(2 * channels, 6)] * 8]
@@ -117,4 +133,4 @@ def test_a_reader_written_from_the_table_alone_finds_the_same() -> None:
     parts = [[value - 32 for value in column] for column in found[10:]]
     assert parts[:3] == [[31, -31, -31, 7], [0, 1, 3, 3], [-1, 2, 0, 0]]
     assert parts[3:] == [[5, -5, 0, 0], [0] * 4, [10, -20, 0, 0], [30, -30, 0, 0], [1, 1, -2, 2]]
-    assert data[-16:] == hmac.digest(EXAMPLE_KEY, data[:-16], hashlib.sha256)[:16]
+    assert whole[-16:] == hmac.digest(EXAMPLE_KEY, whole[:-16], hashlib.sha256)[:16]

@@ -27,10 +27,10 @@ VERSION_2 = bytes.fromhex(
 
 
 def test_a_log_of_version_2_says_the_same_again() -> None:
-    assert resigned(VERSION_2, EXAMPLE_KEY) == wire.encode(replace(example(), echo=None), EXAMPLE_KEY)
+    assert resigned(VERSION_2, EXAMPLE_KEY) == wire.encode(replace(example(), echo=None, sightings=()), EXAMPLE_KEY)
     with pytest.raises(wire.WireError, match="version 2"):
         resigned(VERSION_2[:60], EXAMPLE_KEY)
-    with pytest.raises(wire.VersionError, match="version 2, this program 3"):
+    with pytest.raises(wire.VersionError, match="version 2, this program 4"):
         wire.decode(VERSION_2, [EXAMPLE_KEY])
 
 
