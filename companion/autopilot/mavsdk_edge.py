@@ -66,6 +66,8 @@ _INTERVALS_US: Final = {
 _ODOMETRY: Final = 331
 _ODOMETRY_INTERVAL_US: Final = 20_000
 """Where it is also our source of poses."""
+_GPS_RAW_INT: Final = 24
+_GPS_INTERVAL_US: Final = 200_000
 _ANSWERS: Final = {_CMD_DO_SET_MODE: 2}
 """To one request: the MAVLink module accepts a mode at once, and the commander answers when it has decided."""
 _ACCEPTED: Final = 0
@@ -82,17 +84,19 @@ class MavsdkAutopilot:
         on_odometry: Callable[[Pose], None] | None = None,
         system_id: int | None = None,
         is_of_vehicle: bool = False,
+        wants_gps: bool = False,
     ) -> None:
         """`on_odometry` gets the autopilot's own odometry as poses, on the library's thread. Without a `system_id` the
         first PX4 that is heard is ours, and no other ever after. `is_of_vehicle`: as in `MavsdkLink`."""
         self._clock = clock
-        self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time)
+        self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time, wants_gps)
         self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id, is_of_vehicle)
         self.ground = GroundStation(self._link, self._vehicle_ms)
         self._asked_ns = 0
         self._asked_boots = -1
         self._others: set[str] = set()
-        self._wants_odometry = on_odometry is not None
+        odometry = {} if on_odometry is None else {_ODOMETRY: _ODOMETRY_INTERVAL_US}
+        self._intervals_us = _INTERVALS_US | odometry | ({_GPS_RAW_INT: _GPS_INTERVAL_US} if wants_gps else {})
         self._problem = "not connected yet"
 
     @property
@@ -379,8 +383,7 @@ class MavsdkAutopilot:
     def _ask_for_telemetry(self) -> None:
         self._asked_ns, self._asked_boots = self._clock.now_ns(), self.state().boots
         self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] = 0
-        intervals_us = _INTERVALS_US | ({_ODOMETRY: _ODOMETRY_INTERVAL_US} if self._wants_odometry else {})
-        for message_id, interval_us in intervals_us.items():
+        for message_id, interval_us in self._intervals_us.items():
             self._send_command(_CMD_SET_MESSAGE_INTERVAL, (message_id, interval_us))
         for message_id in (_HEARTBEAT, _AUTOPILOT_VERSION):
             self._send_command(_CMD_REQUEST_MESSAGE, (message_id,))

@@ -21,7 +21,7 @@ from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.resets import PositionResets
 from companion.autopilot.vehicle_clock import Turn, VehicleClock
-from companion.core.messages import AutopilotEvent, Pose, Vector3, VehicleState
+from companion.core.messages import AutopilotEvent, GpsFix, Pose, Vector3, VehicleState
 from wsr.frames import enu_of_ned, yaw_enu_from_ned
 
 Fields = dict[str, Any]
@@ -34,6 +34,8 @@ _LANDED_STATES = (1, 2, 3, 4)
 _LANDED_STATES_IN_AIR = (2, 3, 4)
 """In air, taking off, landing."""
 _PARAMETER_REAL32 = 9
+_FIX_3D = 3
+"""GPS_FIX_TYPE."""
 _EVENTS_KEPT = 100
 _WARNING = 4
 _KINDS: Final = {3: "ardupilot", 12: "px4"}
@@ -71,6 +73,7 @@ class Telemetry:
         now_ns: Callable[[], int],
         on_odometry: Callable[[Pose], None] | None = None,
         on_time_question: Callable[[int], None] = lambda _: None,
+        wants_gps: bool = False,
     ) -> None:
         self.parameters: dict[str, int | float | None] = {}
         self.acknowledgements: dict[int, int] = {}
@@ -106,6 +109,8 @@ class Telemetry:
             "STATUSTEXT": self._text,
             "EVENT": self._event,
         }
+        if wants_gps:
+            handlers["GPS_RAW_INT"] = _gps
         self._handlers: Final = handlers
 
     @property
@@ -327,6 +332,22 @@ def is_healthy(flags: int, in_air: bool) -> bool:
 def _rc(fields: Fields, now_ns: int) -> Fields:
     channels = tuple(int(fields[f"chan{i}_raw"]) for i in range(1, min(18, int(fields["chancount"])) + 1))
     return {"rc_mono_ns": now_ns, "rc_us": channels}
+
+
+def _gps(fields: Fields, now_ns: int) -> Fields:
+    """What is 0 of the extensions is not known: a receiver or a firmware that does not tell it."""
+    if int(fields["fix_type"]) < _FIX_3D:
+        return {"gps": None}
+    hae, horizontal, vertical = (int(fields.get(name, 0)) for name in ("alt_ellipsoid", "h_acc", "v_acc"))
+    fix = GpsFix(
+        t_mono_ns=now_ns,
+        latitude_deg=int(fields["lat"]) * 1e-7,
+        longitude_deg=int(fields["lon"]) * 1e-7,
+        hae_m=hae * 1e-3 if hae else None,
+        horizontal_m=horizontal * 1e-3 if horizontal else None,
+        vertical_m=vertical * 1e-3 if vertical else None,
+    )
+    return {"gps": fix}
 
 
 def _version(fields: Fields, now_ns: int) -> Fields:

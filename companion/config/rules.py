@@ -16,6 +16,7 @@ from companion.config.schema import Config
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
+_IPV4: Final = re.compile(r"^(\d{1,3}\.){3}\d{1,3}$")
 _POSES_PER_DATAGRAM: Final = 25
 _MAX_LOST_S: Final = 4.0
 """PX4 takes its position for valid 4.6 s after the newest pose; the landing must have begun by then."""
@@ -120,6 +121,20 @@ def _page(config: Config) -> Iterator[str]:
         yield f"page.allow_engage: a {config.role} does not fly; expected false"
 
 
+def _tak(config: Config) -> Iterator[str]:
+    tak = config.tak
+    if not tak.enabled:
+        return
+    if config.autopilot is None or not config.autopilot.gps:
+        yield "tak.enabled: needs a vehicle that knows where on Earth it is (autopilot.gps); expected false"
+    if tak.transport == "udp" and not _IPV4.match(tak.address):
+        yield f"tak.address: {tak.address!r}; transport udp needs an address such as 239.2.3.1"
+    if tak.transport == "tls":
+        for key in ("ca_file", "cert_file", "key_file"):
+            if getattr(tak, key) is None:
+                yield f"tak.{key}: missing; transport tls needs ca_file, cert_file and key_file (PEM)"
+
+
 def _autopilot(config: Config) -> Iterator[str]:
     autopilot = config.autopilot
     if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < MIN_VIO_HZ:
@@ -150,6 +165,7 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _recorder,
     _autopilot,
     _page,
+    _tak,
     speed_errors,
     range_errors,
     rate_errors,

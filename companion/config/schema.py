@@ -279,6 +279,36 @@ class TeamConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TakConfig:
+    """Cursor on Target events for TAK, by a process of its own; see docs/tak.md. Needs a vehicle with GPS."""
+
+    enabled: bool = False
+    transport: Literal["udp", "tls"] = "udp"
+    address: Annotated[str, Meta(min_length=1, max_length=253)] = "239.2.3.1"
+    """Of `udp` a multicast group, by default that of TAK's mesh, or one host; of `tls` the name of a TAK server, as its
+    certificate has it."""
+    port: Annotated[int, Meta(ge=1, le=65535)] = 6969
+    """A TAK server's TLS port is 8089 as a rule."""
+    ttl: Annotated[int, Meta(ge=0, le=255)] = 1
+    """Networks that a multicast may pass."""
+    interface: Ipv4 | None = None
+    """Address of ours that multicasts leave by; absent where the kernel's routes decide."""
+    ca_file: str | None = None
+    """Of `tls`: who signed the server's certificate (PEM),"""
+    cert_file: str | None = None
+    """our own certificate,"""
+    key_file: str | None = None
+    """and its key, readable by its owner only."""
+    callsign: Annotated[str, Meta(min_length=1, max_length=32)] | None = None
+    """What the vehicle is called there; absent for `name`."""
+    period_s: Annotated[float, Meta(ge=0.2, le=60)] = 1.0
+    stale_s: Annotated[float, Meta(ge=1, le=3600)] = 10.0
+    """After so long TAK takes what it was told for old."""
+    wedge_m: Annotated[float, Meta(ge=1, le=10000)] = 50.0
+    """How long a bearing's wedge is drawn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PageConfig:
     """What a browser is shown of the robot, by a process of its own; see docs/page.md."""
 
@@ -318,6 +348,7 @@ class Config:
     gate: GateConfig = field(default_factory=GateConfig)
     page: PageConfig = field(default_factory=PageConfig)
     team: TeamConfig = field(default_factory=TeamConfig)
+    tak: TakConfig = field(default_factory=TakConfig)
     autopilot: AutopilotConfig | None = None
 
     @property

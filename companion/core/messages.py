@@ -62,6 +62,20 @@ class FlightMode(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GpsFix:
+    """A fix in three dimensions of the vehicle's GPS receiver; None for what it does not tell."""
+
+    t_mono_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    hae_m: float | None
+    """Height above the WGS-84 ellipsoid."""
+    horizontal_m: float | None
+    """Deviation, as `vertical_m`."""
+    vertical_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
     """The newest telemetry as one snapshot. Fields that were never received are None."""
 
@@ -127,6 +141,8 @@ class VehicleState:
     """How often it has announced that its estimate was set anew."""
     p_reset_enu_m: Vector3 = (0.0, 0.0, 0.0)
     """The sum of the steps of `p_local_enu_m` that it announced: a place noted before moves along by the difference."""
+    gps: GpsFix | None = None
+    """The newest fix, where somebody wants it (`tak.enabled`)."""
 
 
 @dataclass(frozen=True, slots=True)

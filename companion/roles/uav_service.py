@@ -23,6 +23,7 @@ from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
 from companion.roles.node import Node
 from companion.roles.page import Page
+from companion.roles.tak import Tak
 from companion.roles.team import TeamOf
 from companion.roles.uav import Uav
 from companion.sensing.worker_process import AoaProcess
@@ -38,19 +39,27 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
     page = Page(config, clock, recorder)
     ground = Ground(config, clock, page.recorder)
+    tak = Tak(config, clock, ground.recorder)
     relay = signing_relay(config)
     edges: list[MavsdkAutopilot] = []
 
     def make_autopilot(odometry: PoseSink | None) -> Autopilot:
         # Its telemetry is stamped on a thread of the library's own, by a clock that never stands still.
-        edge = MavsdkAutopilot(relay.url if relay else url, MonotonicClock(), odometry, system_id, ground.is_on)
+        edge = MavsdkAutopilot(
+            relay.url if relay else url,
+            MonotonicClock(),
+            odometry,
+            system_id,
+            is_of_vehicle=ground.is_on,
+            wants_gps=config.tak.enabled,
+        )
         edges.append(edge)
         return SignedAutopilot(edge, relay) if relay else edge
 
     uav = Uav(
         config=config,
         clock=clock,
-        recorder=ground.recorder,
+        recorder=tak.recorder,
         inputs=LiveInputs(config),
         make_autopilot=make_autopilot,
         worker=worker,
@@ -76,6 +85,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             page.start(uav.flight.status)
             ground.start(uav.flight.status, edges[-1].ground)
             team.start()
+            tak.start(dict)
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")
@@ -86,6 +96,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         await ground.aclose()
         await uav.autopilot.aclose()
         await team.aclose()
+        await tak.aclose()
         await page.aclose()
 
 

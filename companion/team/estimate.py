@@ -21,9 +21,9 @@ from companion.team.placing import is_sure, largest_std_m, other_guesses, suppor
 from companion.team.records import Member, RawSighting, TeamState
 from companion.team.smoother import (
     Between,
-    WindowPrior,
     Problem,
     Solution,
+    WindowPrior,
     first_prior,
     marginalised,
     moved,

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.config.file import save_config
-from companion.config.schema import AutopilotConfig, PageConfig, TeamConfig
+from companion.config.schema import AutopilotConfig, PageConfig, TakConfig, TeamConfig
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
@@ -168,7 +168,7 @@ async def flying(
     **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
-    configuration; with `page` it has one, and a team.
+    configuration; with `page` it has one, a team, and tells TAK on loopback.
 
     With `real_url` an autopilot is there already, and whoever asks for it tells the world where its vehicle truly is.
     """
@@ -190,6 +190,14 @@ async def flying(
                     listener.cancel()
 
 
+def _free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    assert isinstance(port, int)
+    return port
+
+
 def _with_camera(
     stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any], page: PageConfig | None
 ) -> Stage:
@@ -204,6 +212,7 @@ def _with_camera(
         mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
         page=page or stage.uav.page,
         team=TeamConfig(enabled=page is not None),
+        tak=TakConfig(enabled=page is not None, address="127.0.0.1", port=_free_udp_port(), period_s=0.5),
     )
     assert uav.autopilot is not None
     uav = replace(uav, autopilot=AutopilotConfig(real_url or uav.autopilot.url, **autopilot))

@@ -36,6 +36,8 @@ _RATES_HZ: Final = {
 }
 """Streams of PX4's onboard link and their default rates."""
 _HOME_LAT_DEG, _HOME_LON_DEG, _HOME_ALT_M = 47.397742, 8.545594, 488.0
+_GEOID_M = 47.5
+"""Above the ellipsoid there."""
 _EARTH_RADIUS_M = 6371000.0
 _STATUS_PERIOD_NS = NS_PER_S // 2
 """PX4 publishes vehicle_status on change and at 2 Hz; CURRENT_MODE goes out only after such an update."""
@@ -204,7 +206,12 @@ class Streams:
         return self._mav.global_position_int_encode(self._boot_ms, lat, lon, alt, relative_mm, *v_cm_s, heading_cdeg)
 
     def _gps_raw_int(self) -> Any:
-        return self._mav.gps_raw_int_encode(self._own_ns // 1000, 3, *self._global(), 80, 120, 0, 65535, 14)
+        lat, lon, alt_mm = self._global()
+        ellipsoid_mm = alt_mm + round(1e3 * _GEOID_M)
+        accuracies = (800, 1200)
+        return self._mav.gps_raw_int_encode(
+            self._own_ns // 1000, 3, lat, lon, alt_mm, 80, 120, 0, 65535, 14, ellipsoid_mm, *accuracies
+        )
 
     def _home_position(self) -> Any:
         lat, lon, alt = round(_HOME_LAT_DEG * 1e7), round(_HOME_LON_DEG * 1e7), round(_HOME_ALT_M * 1000)

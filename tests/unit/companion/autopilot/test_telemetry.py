@@ -294,6 +294,21 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: Telemetry
     assert state.resets == 1 and state.p_reset_enu_m == pytest.approx((0.0, 2.0, 0.0))
 
 
+def test_a_fix_is_taken_where_somebody_wants_it() -> None:
+    telemetry = Telemetry(lambda: 7, wants_gps=True)
+    assert "GPS_RAW_INT" in telemetry.message_names
+    fix: dict[str, int] = {"fix_type": 3, "lat": 473977420, "lon": 85455940, "alt": 488000, "alt_ellipsoid": 535500,
+                           "h_acc": 800, "v_acc": 0}  # fmt: skip
+    telemetry.take("GPS_RAW_INT", 1, json.dumps(fix))
+    gps = telemetry.state().gps
+    assert gps is not None
+    assert gps.t_mono_ns == 7
+    assert [gps.latitude_deg, gps.longitude_deg] == pytest.approx([47.397742, 8.545594])
+    assert (gps.hae_m, gps.horizontal_m, gps.vertical_m) == (535.5, 0.8, None)
+    telemetry.take("GPS_RAW_INT", 1, json.dumps(fix | {"fix_type": 2}))
+    assert telemetry.state().gps is None and telemetry.malformed == 0
+
+
 def test_what_is_subscribed_to_is_what_is_understood(bench: TelemetryBench) -> None:
     names = bench.telemetry.message_names
     assert "HEARTBEAT" in names and len(set(names)) == len(names) == 16

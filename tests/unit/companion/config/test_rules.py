@@ -33,6 +33,12 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
             replace(changed("pose", source="px4"), autopilot=replace(AUTOPILOT, forward_vio_hz=30.0)),
             "autopilot.forward_vio_hz: the autopilot's own odometry",
         ),
+        (changed("tak", enabled=True, address="tak.example.org"), "tak.address: 'tak.example.org'; transport udp"),
+        (changed("tak", enabled=True, transport="tls", ca_file="a", cert_file="b"), "tak.key_file: missing"),
+        (
+            replace(changed("tak", enabled=True), autopilot=replace(AUTOPILOT, gps=False, forward_vio_hz=30.0)),
+            "tak.enabled: needs a vehicle that knows where on Earth",
+        ),
         (changed("ping", enabled=True), "ping.enabled: needs csi.interface"),
         (changed("mission", target=99), "mission.target: 99 is the id of no peer"),
         (replace(UAV, id=UAV.peers[0].id), f"peers: id {UAV.peers[0].id} is this robot's own id"),

@@ -1,0 +1,130 @@
+"""A process that shows the service to others: started, fed, and started again when it is gone. Nothing waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Final
+
+from companion.config.schema import Config
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.host.child import tied
+from companion.log.feed import STATUS, Feed, introduction
+from companion.log.lines import record_lines
+
+_log = logging.getLogger(__name__)
+_STATUS_S: Final = 1.0
+_FIRST_WAIT_S: Final = 1.0
+_LONGEST_WAIT_S: Final = 30.0
+_LASTED_S: Final = 60.0
+"""A process that has lived for so long is started again at once when it goes."""
+
+
+class FedProcess(ABC):
+    """`recorder` is what the service records with: it tells the process too, where there is one.
+
+    A process of its own, of a room that nothing here imports.
+    """
+
+    name: str
+    module: str
+
+    def __init__(self, config: Config, clock: EventClock, recorder: Recorder, enabled: bool) -> None:
+        self._config = config
+        self._clock = clock
+        self._feed: Feed | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.recorder = recorder
+        if enabled:
+            self.recorder = self._feed = Feed(introduction(config, "live"), recorder)
+
+    @abstractmethod
+    def settings(self) -> str:
+        """What the process is told when it is started, as JSON."""
+
+    def start(self, status: Callable[[], dict[str, Any]]) -> None:
+        """From now on, beside the service's tasks and not one of them: one that fails ends nothing but itself.
+        `status` is asked once a second, on the event loop."""
+        if self._feed is not None:
+            self._task = asyncio.create_task(self._run(self._feed, status), name=self.name)
+            self._task.add_done_callback(self._tell_failure)
+
+    async def aclose(self) -> None:
+        """Harmless when repeated."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait({self._task})
+
+    async def _run(self, feed: Feed, status: Callable[[], dict[str, Any]]) -> None:
+        feed.start()
+        lines = record_lines(_ForFeed(feed))
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._keep(feed), name=f"{self.name} process")
+                tasks.create_task(self._tell(feed, status), name=f"{self.name} status")
+        finally:
+            logging.getLogger().removeHandler(lines)
+            await asyncio.to_thread(feed.close)
+
+    async def _tell(self, feed: Feed, status: Callable[[], dict[str, Any]]) -> None:
+        while True:
+            feed.tell(STATUS, self._clock.now_ns(), status())
+            await asyncio.sleep(_STATUS_S)
+
+    async def _keep(self, feed: Feed) -> None:
+        """Never ends and never fails: what is shown is worth no flight."""
+        loop, wait_s = asyncio.get_running_loop(), _FIRST_WAIT_S
+        while True:
+            begun_s = loop.time()
+            try:
+                code = await self._serve(feed)
+                _log.warning("the %s's process ended with code %d; starting another", self.name, code)
+            except OSError as error:
+                _log.warning("the %s's process cannot be started: %s", self.name, error.strerror)
+            wait_s = _FIRST_WAIT_S if loop.time() - begun_s > _LASTED_S else min(2 * wait_s, _LONGEST_WAIT_S)
+            await asyncio.sleep(wait_s)
+
+    async def _serve(self, feed: Feed) -> int:
+        """One process, until it ends; its exit code. Raises OSError."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            command = tied("nice", "-n", "5", sys.executable, "-m", self.module, self.settings())
+            try:
+                process = await asyncio.create_subprocess_exec(
+                    *command, stdin=theirs.fileno(), stdout=asyncio.subprocess.DEVNULL
+                )
+            except BaseException:
+                ours.close()
+                raise
+        try:
+            await asyncio.to_thread(feed.attach, ours)
+            return await process.wait()
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+
+    def _tell_failure(self, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (error := task.exception()) is not None:
+            _log.error("the %s has failed: %r; the service goes on without it", self.name, error)
+
+
+class _ForFeed:
+    """The feed as a Recorder of log lines, which the log has by itself."""
+
+    failed = False
+
+    def __init__(self, feed: Feed) -> None:
+        self._feed = feed
+
+    def record(self, stream: Any, t_mono_ns: int, message: Any) -> None:
+        self._feed.note(stream, t_mono_ns, message)
+
+    def counters(self) -> dict[str, int]:
+        return {}
