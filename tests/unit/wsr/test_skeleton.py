@@ -93,7 +93,7 @@ def test_packets_without_a_path_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3])
 def test_hardly_any_packets(count: int) -> None:
-    x, g = np.zeros((count, 3)), np.arange(1.0, count + 1)[:, None] + 0j
+    x, g = np.zeros((count, 3)), np.arange(1.0, count + 1).astype(np.complex128)[:, None]
     fewer, weights = condensed(x, g)
     assert weights.sum() == pytest.approx(g.sum())
     assert len(fewer) == len(weights) <= count
