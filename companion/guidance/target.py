@@ -24,7 +24,7 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class WholeBelief:
     """Of the whole belief, all sources counted: what a mean and a deviation of one source cannot say."""
 
     origin_local_enu_m: Vector3
@@ -49,7 +49,7 @@ class Target:
     range_std_m: float
     probability: float
     """Of that source."""
-    whole: Spread
+    whole: WholeBelief
     rivals: tuple[Rival, ...] = ()
 
     def place(self, target_p_enu_m: Vector3) -> Vector3:
@@ -70,7 +70,7 @@ class TargetReport:
     """Where the target was when the bearing was taken."""
 
 
-def spread(origins_m: _Floats, weight: _Floats, here_m: _Floats, along: _Floats) -> Spread:
+def whole_belief(origins_m: _Floats, weight: _Floats, here_m: _Floats, along: _Floats) -> WholeBelief:
     """Of particles (N, 3) with weights (N,), seen from `here_m` (3,). `along` (3,) is the direction of the likeliest
     source."""
     mean_m, covariance = moments(origins_m, weight)
@@ -79,7 +79,7 @@ def spread(origins_m: _Floats, weight: _Floats, here_m: _Floats, along: _Floats)
     cosine = np.einsum("nx,x->n", offsets_m, along) / np.maximum(range_m, 1e-9)
     nearest, farthest = _quantiles(range_m, weight, (0.05, 0.95))
     (least_cosine,) = _quantiles(cosine, weight, (0.1,))
-    return Spread(
+    return WholeBelief(
         origin_local_enu_m=vector(mean_m),
         covariance_m2=(vector(covariance[0]), vector(covariance[1]), vector(covariance[2])),
         range_90_m=(nearest, farthest),

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from companion.core.messages import Vector3
 from companion.guidance.likelihood import likelihood
 from companion.guidance.loudness import Loudness
-from companion.guidance.target import Rival, Target, moments, spread, vector
+from companion.guidance.target import Rival, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.records import Bearing
 from wsr.geometry import direction
@@ -172,7 +172,7 @@ class TargetTracker:
             range_m=range_m,
             range_std_m=math.sqrt(float(along @ covariance @ along)),
             probability=min(1.0, probability),
-            whole=spread(self._origins_m, weight, here_m, along),
+            whole=whole_belief(self._origins_m, weight, here_m, along),
             rivals=tuple(rivals),
         )
 

@@ -11,7 +11,7 @@ from companion.config.schema import GateConfig, MissionConfig
 from companion.core.messages import FlightMode, VehicleState
 from companion.flight.local_frame import LocalFrame
 from companion.flight.observer import Observer, would_be_setpoint
-from companion.guidance.target import Spread, Target
+from companion.guidance.target import Target, WholeBelief
 from companion.guidance.targets import Targets
 from companion.safety.gate import Gate, GateLimits, Reason
 from tests.unit.companion.flight.kept import Kept
@@ -26,7 +26,7 @@ _NORTH = Target(
     range_m=9.0,
     range_std_m=1.0,
     probability=0.9,
-    whole=Spread(
+    whole=WholeBelief(
         origin_local_enu_m=(0.0, 9.0, 0.0),
         covariance_m2=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
         range_90_m=(7.4, 10.6),

@@ -81,7 +81,7 @@ def test_one_bearing_tells_a_direction_and_no_place() -> None:
 
 
 def test_near_is_what_new_packets_have_confirmed() -> None:
-    """Most of an aperture of them; until then, and as soon as it does not seem near, nothing has arrived."""
+    """Two more apertures; until then, and as soon as it does not seem near, nothing has arrived."""
     targets = Targets(
         neighbours={2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
     )
@@ -90,7 +90,7 @@ def test_near_is_what_new_packets_have_confirmed() -> None:
     assert targets.is_near((4.9, 0.0, 1.0))
     assert not targets.is_near((9.0, 0.0, 1.0))
     assert not targets.is_near((4.9, 0.0, 1.0))
-    for seen in range(3):
+    for seen in range(2):
         assert not targets.is_near((4.9, 0.0, 1.0)), seen
         targets.add(2, replace(_bearing((4.0, 1.0, 1.5), (4.0, 0.0, 0.5)), fresh=0.2), 0.0)
     assert targets.is_near((4.9, 0.0, 1.0))

@@ -13,7 +13,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from companion.core.inputs import Tick
 from companion.core.messages import FlightMode, VehicleState, pose_bytes
 from companion.core.streams import APERTURE, LOG, POSE, POSE_IN, PROFILE, TARGET, TICK, VEHICLE, Stream
-from companion.guidance.target import Spread, Target, TargetReport
+from companion.guidance.target import Target, TargetReport, WholeBelief
 from companion.log.foxglove import power_of
 from companion.log.lines import LogLine
 from companion.log.reader import read_log
@@ -41,7 +41,7 @@ def one_of_each(path: Path) -> None:
         range_m=6.0,
         range_std_m=0.3,
         probability=0.9,
-        whole=Spread(
+        whole=WholeBelief(
             origin_local_enu_m=(1.0, 1.0, 1.0), covariance_m2=certain, range_90_m=(5.5, 6.5), direction_90_rad=0.1
         ),
     )

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from companion.core.messages import Vector3
-from companion.guidance.target import Target, spread
+from companion.guidance.target import Target, whole_belief
 from companion.study.belief import check, share_in_band
 
 FROM_M: Vector3 = (1.0, 2.0, 1.5)
@@ -37,7 +37,7 @@ def _target(origins_m: npt.NDArray[np.float64], likeliest_m: Vector3) -> Target:
         range_m=range_m,
         range_std_m=1.0,
         probability=0.67,
-        whole=spread(origins_m, np.full(len(origins_m), 1 / len(origins_m)), here_m, offset_m / range_m),
+        whole=whole_belief(origins_m, np.full(len(origins_m), 1 / len(origins_m)), here_m, offset_m / range_m),
     )
 
 
