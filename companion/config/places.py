@@ -44,6 +44,8 @@ def _paths(config: Config) -> Iterator[tuple[str, str]]:
         yield "pose.recording", config.pose.recording
     if config.autopilot is not None and config.autopilot.signing_key_file is not None:
         yield "autopilot.signing_key_file", config.autopilot.signing_key_file
+    if config.foxglove.token_file is not None:
+        yield "foxglove.token_file", config.foxglove.token_file
     if config.page.token_file is not None:
         yield "page.token_file", config.page.token_file
     for index, peer in enumerate(config.peers):

@@ -135,6 +135,14 @@ def _tak(config: Config) -> Iterator[str]:
                 yield f"tak.{key}: missing; transport tls needs ca_file, cert_file and key_file (PEM)"
 
 
+def _foxglove(config: Config) -> Iterator[str]:
+    foxglove = config.foxglove
+    if foxglove.token_file is None and not foxglove.address.startswith("127."):
+        yield f"foxglove.token_file: missing; others than this host reach {foxglove.address}, which needs a token"
+    if foxglove.enabled and config.page.enabled and foxglove.port == config.page.port:
+        yield f"foxglove.port: {foxglove.port} is the page's; expected another"
+
+
 def _autopilot(config: Config) -> Iterator[str]:
     autopilot = config.autopilot
     if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < MIN_VIO_HZ:
@@ -166,6 +174,7 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _autopilot,
     _page,
     _tak,
+    _foxglove,
     speed_errors,
     range_errors,
     rate_errors,

@@ -323,6 +323,19 @@ class PageConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FoxgloveConfig:
+    """The streams of the log live to Foxglove's viewers, by a process of its own; see docs/foxglove.md."""
+
+    enabled: bool = False
+    """Whether there is a server; needs the extra `foxglove`."""
+    address: Ipv4 = "127.0.0.1"
+    """Where it listens: on this host alone, or at an interface's address (0.0.0.0 for all), which needs a token."""
+    port: Annotated[int, Meta(ge=1, le=65535)] = 8765
+    token_file: str | None = None
+    """File of a secret word, readable by its owner only; whoever looks must know it. Absent on loopback for none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
     """Everything the service reads. A role `uav` also needs `autopilot`."""
 
@@ -349,6 +362,7 @@ class Config:
     page: PageConfig = field(default_factory=PageConfig)
     team: TeamConfig = field(default_factory=TeamConfig)
     tak: TakConfig = field(default_factory=TakConfig)
+    foxglove: FoxgloveConfig = field(default_factory=FoxgloveConfig)
     autopilot: AutopilotConfig | None = None
 
     @property

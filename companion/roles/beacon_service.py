@@ -15,6 +15,7 @@ from companion.host.notify import feed_watchdog, notify
 from companion.log.feed import introduction
 from companion.roles.beacon import Beacon
 from companion.roles.inputs import LiveInputs
+from companion.roles.live import LiveStreams
 from companion.roles.node import Node
 from companion.roles.page import Page
 from companion.roles.team import TeamOf
@@ -22,7 +23,8 @@ from companion.roles.team import TeamOf
 
 async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, ending: Ending) -> None:
     """Runs until cancelled. Raises CompanionError when a part cannot start or dies."""
-    page = Page(config, clock, recorder)
+    live = LiveStreams(config, clock, recorder)
+    page = Page(config, clock, live.recorder)
     node = Node(config, clock, page.recorder, LiveInputs(config))
     node.samples.connect(Beacon(node.sender).add_sample)
     team = TeamOf(node)
@@ -35,6 +37,7 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
             tasks.create_task(node.run(ending.begin), name="node")
             tasks.create_task(control.run(), name="control")
             tasks.create_task(feed_watchdog(lambda: True), name="watchdog")  # a beacon has no loop beside this one
+            live.start()
             page.start(lambda: {"state": "beacon"})
             team.start()
             await asyncio.sleep(0)  # each of them has begun
@@ -45,6 +48,7 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
         node.close()
         await team.aclose()
         await page.aclose()
+        await live.aclose()
 
 
 async def _answer(node: Node, team: TeamOf, command: str) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from companion.log.feed import introduction
 from companion.pose.port import PoseSink
 from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
+from companion.roles.live import LiveStreams
 from companion.roles.node import Node
 from companion.roles.page import Page
 from companion.roles.tak import Tak
@@ -37,7 +38,8 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     assert config.autopilot is not None
     url, system_id = config.autopilot.url, config.autopilot.system_id
     worker = AoaProcess(config.aperture.estimator, config.aperture.worker_timeout_s)
-    page = Page(config, clock, recorder)
+    live = LiveStreams(config, clock, recorder)
+    page = Page(config, clock, live.recorder)
     ground = Ground(config, clock, page.recorder)
     tak = Tak(config, clock, ground.recorder)
     relay = signing_relay(config)
@@ -82,6 +84,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             tasks.create_task(uav.flight.run(), name="flight")
             tasks.create_task(feed_watchdog(uav.flight.is_ticking), name="watchdog")
             tasks.create_task(keep_priority(), name="priority")
+            live.start()
             page.start(uav.flight.status)
             ground.start(uav.flight.status, edges[-1].ground)
             team.start()
@@ -98,6 +101,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         await team.aclose()
         await tak.aclose()
         await page.aclose()
+        await live.aclose()
 
 
 async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> dict[str, Any]:

@@ -1,0 +1,115 @@
+"""The live server of a running service: its process started, fed, and started again when it is gone. Nothing waits."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib.util
+import logging
+import socket
+import sys
+from typing import Final
+
+import msgspec
+
+from companion.config.schema import Config
+from companion.core.event_clock import EventClock
+from companion.core.recorder import Recorder
+from companion.errors import ConfigError
+from companion.host.child import tied
+from companion.host.token import read_token
+from companion.log.live import LiveFeed
+
+_log = logging.getLogger(__name__)
+_FIRST_WAIT_S: Final = 1.0
+_LONGEST_WAIT_S: Final = 30.0
+_LASTED_S: Final = 60.0
+LIVE: Final = "companion.live.server"
+"""Its module: a process of its own, of a room that nothing here imports."""
+_EXTRA: Final = "foxglove.enabled: needs the library foxglove-sdk: pip install 'wsr-companion[foxglove]'"
+
+
+class LiveStreams:
+    """`recorder` is what the service records with: it tells viewers too, where there is a server.
+
+    Raises ConfigError when the library is not there, or the token cannot be read.
+    """
+
+    def __init__(self, config: Config, clock: EventClock, recorder: Recorder) -> None:
+        self._config = config
+        self._feed: LiveFeed | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.recorder = recorder
+        if config.foxglove.enabled:
+            if importlib.util.find_spec("foxglove") is None:
+                raise ConfigError(_EXTRA)
+            if config.foxglove.token_file is not None:
+                read_token(config.path(config.foxglove.token_file))
+            self.recorder = self._feed = LiveFeed(recorder, clock)
+
+    @property
+    def feed(self) -> LiveFeed | None:
+        return self._feed
+
+    def start(self) -> None:
+        """From now on, beside the service's tasks and not one of them."""
+        if self._feed is not None:
+            self._task = asyncio.create_task(self._run(self._feed), name="live")
+            self._task.add_done_callback(_tell_failure)
+
+    async def aclose(self) -> None:
+        """Harmless when repeated."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait({self._task})
+
+    async def _run(self, feed: LiveFeed) -> None:
+        feed.start()
+        try:
+            await self._keep(feed)
+        finally:
+            await asyncio.to_thread(feed.close)
+
+    async def _keep(self, feed: LiveFeed) -> None:
+        """Never ends and never fails: a picture is worth no flight."""
+        loop, wait_s = asyncio.get_running_loop(), _FIRST_WAIT_S
+        while True:
+            begun_s = loop.time()
+            try:
+                code = await self._serve(feed)
+                _log.warning("the live server's process ended with code %d; starting another", code)
+            except OSError as error:
+                _log.warning("the live server's process cannot be started: %s", error.strerror)
+            wait_s = _FIRST_WAIT_S if loop.time() - begun_s > _LASTED_S else min(2 * wait_s, _LONGEST_WAIT_S)
+            await asyncio.sleep(wait_s)
+
+    async def _serve(self, feed: LiveFeed) -> int:
+        """One process, until it ends; its exit code. Raises OSError."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            command = tied("nice", "-n", "5", sys.executable, "-m", LIVE, self._settings())
+            try:
+                process = await asyncio.create_subprocess_exec(
+                    *command, stdin=theirs.fileno(), stdout=asyncio.subprocess.DEVNULL
+                )
+            except BaseException:
+                ours.close()
+                raise
+        try:
+            await asyncio.to_thread(feed.attach, ours)
+            return await process.wait()
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+
+    def _settings(self) -> str:
+        config, live = self._config, self._config.foxglove
+        token = None if live.token_file is None else str(config.path(live.token_file))
+        settings = {"name": config.name, "address": live.address, "port": live.port, "token_file": token}
+        return msgspec.json.encode(settings).decode()
+
+
+def _tell_failure(task: asyncio.Task[None]) -> None:
+    if not task.cancelled() and (error := task.exception()) is not None:
+        _log.error("the live server has failed: %r; the service goes on without it", error)
