@@ -17,6 +17,7 @@ from companion.flight.course import Course
 from companion.flight.limits import gate_limits
 from companion.flight.local_frame import LocalFrame
 from companion.flight.records import target_report
+from companion.guidance.ground import above_horizon
 from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
 from companion.neighbours.naming import named
@@ -53,6 +54,7 @@ class Knowledge:
         self._sar = sar
         self._course = course
         self._frame = frame
+        self._drives = config.mission.vehicle == "rover"
         self._neighbours = neighbours
         self._target = config.target
         self.targets: Final = Targets(
@@ -107,6 +109,7 @@ class Knowledge:
         bearing = iteration.bearing()
         steers = False
         if bearing is not None:
+            bearing = above_horizon(bearing) if self._drives else bearing
             target = self.targets.add(iteration.peer, bearing, self._frame.ground_m)
             self._recorder.record(TARGET, bearing.t_mono_ns, target_report(iteration, bearing, target))
             steers = bearing.reliability >= self._config.min_reliability or target.probability >= _FOUND

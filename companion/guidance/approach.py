@@ -92,7 +92,8 @@ class Approach:
     def _wished(self, aim: Aim | None) -> Vector3:
         mission = self._mission
         drives = mission.vehicle == "rover"
-        share = 1.0 if aim is None else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
+        # A level path that is nearly straight takes a source above it for one beside it, whatever was known before.
+        share = 1.0 if aim is None or drives else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
         across, up = self._weave(share, 0.0 if drives else mission.vertical_weave_m)
         forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
         if aim is None:

@@ -21,7 +21,8 @@ _SECOND = 9
 
 
 class _Changed(Session):
-    """A golden log with a second robot in its configuration, and a wish to fly there near its end."""
+    """A golden log with a second robot in its configuration, and a wish to fly there near its end. It is silent: no
+    service would grant that, but it decides more."""
 
     def config(self) -> Config:
         config = super().config()
@@ -54,8 +55,11 @@ def test_a_change_of_target_is_replayed_to_the_byte_and_makes_no_step() -> None:
     first, second = _replayed(path), _replayed(path)
     assert first.as_json() == second.as_json()
     steps = [msgspec.json.decode(one.data) for one in first.decided if one.stream is MISSION]
-    assert [(one["state"], one["next_state"]) for one in steps if one["event"] == "retarget"] == [
-        ("approaching", "acquiring")
+    named = next(k for k, one in enumerate(steps) if one["event"] == "retarget")
+    assert [(one["state"], one["event"], one["next_state"]) for one in steps[named - 1 : named + 2]] == [
+        ("approaching", "bearing_stale", "holding"),
+        ("holding", "retarget", "acquiring"),
+        ("acquiring", "bearing_stale", "holding"),
     ]
     v = np.array([msgspec.json.decode(one.data)["v_local_enu_m_s"] for one in first.decided if one.stream is SETPOINT])
     assert np.abs(np.diff(v, n=2, axis=0)).max() / 0.05 < 0.5

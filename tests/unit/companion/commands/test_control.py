@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import sys
+from asyncio.subprocess import PIPE, STDOUT
+from pathlib import Path
+
+import pytest
+
 from companion.commands.control import radio_lines
+from tests.control_socket import serving
 
 
 def test_neighbours_show_their_state_and_what_was_refused() -> None:
@@ -49,3 +57,30 @@ def test_what_the_network_lacks_is_told() -> None:
 
 
 _NONE = {"unknown_sender": 0, "malformed": 0, "version": 0}
+
+
+async def _answers(command: str, target: str | None = None) -> dict[str, object]:
+    if target == "gamma":
+        refusal = "no robot has the name or id 'gamma'; expected one of alpha (2), beta (3)"
+        return {"ok": False, "error": refusal, "vehicle": "system 1", "target": "alpha"}
+    return {"ok": True, "error": "", "vehicle": "system 1, px4 1.16.1", "target": target or "alpha"}
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "said"),
+    [
+        ([], 0, "engaged: system 1, px4 1.16.1, to alpha\n"),
+        (["--target", "beta"], 0, "engaged: system 1, px4 1.16.1, to beta\n"),
+        (["--target", "gamma"], 1, "companion: engage refused: no robot has the name or id 'gamma'; expected one of "
+         "alpha (2), beta (3)\n"),
+    ],
+)  # fmt: skip
+async def test_a_robot_is_named_and_an_unknown_one_refused(
+    tmp_path: Path, options: list[str], code: int, said: str
+) -> None:
+    path = tmp_path / "control.sock"
+    async with serving(path, _answers):
+        command = (sys.executable, "-m", "companion", "engage", "--socket", str(path), *options)
+        ran = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=STDOUT)
+        out, _ = await ran.communicate()
+    assert (ran.returncode, out.decode()) == (code, said)

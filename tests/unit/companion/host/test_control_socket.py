@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import sys
 from asyncio.subprocess import PIPE, STDOUT
@@ -18,7 +19,7 @@ from tests.control_socket import serving
 
 
 async def echo(command: str, target: str | None = None) -> dict[str, Any]:
-    return {"ok": True, "got": command}
+    return {"ok": True, "got": command} | ({} if target is None else {"target": target})
 
 
 async def test_a_command_is_answered_and_the_socket_is_the_owners_alone(tmp_path: Path) -> None:
@@ -170,3 +171,17 @@ async def test_who_may_command_asks_the_control_socket(tmp_path: Path) -> None:
         assert await ask_status(tmp_path / "control.sock") == {"ok": True, "got": "status"}
     with pytest.raises(CompanionError, match="no service is running there"):
         await ask_status(tmp_path / "control.sock")
+
+
+async def test_a_command_may_name_a_robot(tmp_path: Path) -> None:
+    async with serving(tmp_path / "control.sock", echo):
+        named = await ask(tmp_path / "control.sock", "engage", target="beta")
+        assert named == {"ok": True, "got": "engage", "target": "beta"}
+        reader, writer = await asyncio.open_unix_connection(tmp_path / "control.sock")
+        for line, answer in (
+            (b'{"command": "engage", "target": 7}', {"ok": True, "got": "engage", "target": "7"}),
+            (b'["engage"]', {"ok": False, "error": 'expected one line like {"command": "status"}'}),
+        ):
+            writer.write(line + b"\n")
+            assert json.loads(await reader.readline()) == answer
+        writer.close()

@@ -84,3 +84,26 @@ def test_topics_that_are_not_shown_are_passed_over() -> None:
     before = model.version
     model.take("/tf", 106 * S, {})
     assert model.version == before
+
+
+def test_another_target_is_shown_by_what_is_known_of_it() -> None:
+    """Every robot's place is kept; bearings of the one before are none of this one."""
+    model = flown()
+    model.take("introduction", 0, known(peers={"2": "alpha", "7": "beta"}, target=2))
+    model.take("/target", 106 * S, target() | {"peer": 7, "p_local_enu_m": [0.0, 9.0, 0.0]})
+    assert model.view()["target_name"] == "alpha"
+    assert [(one["name"], one["place"] and one["place"]["p_m"]) for one in model.view()["robots"]] == [
+        ("alpha", [6.0, -5.0, 0.3]), ("beta", [0.0, 9.0, 0.0]),
+    ]  # fmt: skip
+    wish = {"wish": "retarget", "refusal": "", "by_switch": False, "vehicle": "", "target": 7}
+    model.take("/wish", 106 * S, wish | {"refusal": "beta: no packets of the target"})
+    assert model.view()["target_name"] == "alpha"
+    model.take("/wish", 107 * S, wish)
+    view = model.view()
+    assert view["target_name"] == "beta" and view["target"]["p_m"] == [0.0, 9.0, 0.0]
+    assert view["bearing"] is None and model.path()["bearings"] == []
+    assert view["events"][-1]["text"] == "retarget to beta"
+    model.take("/bearing", 108 * S, iteration(11, peer=7))
+    assert model.view()["bearing"]["number"] == 11
+    model.take("status", 109 * S, {"state": "acquiring", "reason": "retarget", "target_id": 2})
+    assert model.view()["target_name"] == "alpha" and model.view()["bearing"] is None

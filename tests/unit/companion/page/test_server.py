@@ -143,7 +143,7 @@ async def test_commands_need_the_configuration_the_word_and_the_page_itself(tmp_
     control, asked = tmp_path / "control.sock", list[str]()
 
     async def answer(command: str, target: str | None = None) -> dict[str, Any]:
-        asked.append(command)
+        asked.append(command if target is None else f"{command} to {target}")
         return {"ok": command == "abort", "error": "" if command == "abort" else "no packets"}
 
     ours, bearer = {"X-Companion": "engage"}, {"Authorization": f"Bearer {WORD}"}
@@ -166,6 +166,8 @@ async def test_commands_need_the_configuration_the_word_and_the_page_itself(tmp_
             refused = await session.post("/command/engage", headers=ours | bearer)
             assert (refused.status, (await refused.json())["error"]) == (409, "no packets")
             assert asked == ["abort", "engage"]
+            await session.post("/command/engage?target=beta", headers=ours | bearer)
+            assert asked[-1] == "engage to beta"
 
 
 async def test_a_service_that_is_gone_is_named(tmp_path: Path) -> None:
