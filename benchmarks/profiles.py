@@ -1,4 +1,5 @@
-"""Far-field profiles three ways: by the defining sum, with float32 GEMM, and ours; and the sliding window."""
+"""Far-field profiles by the defining sum, with float32 GEMM, by our direct kernel and by skeletons; and the sliding
+window."""
 
 from __future__ import annotations
 
@@ -18,8 +19,11 @@ from benchmarks.timing import best_s
 from wsr.geometry import direction
 from wsr.kernel import bartlett_power
 from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
+from wsr.skeleton import condensed
 
 BATCH = 32
+_FLOPS = 22  # a packet and four mirrored directions: a complex product, eight sums of products
+_SQUARE = 768
 _ATOM = "goldmont"  # the class of processor on an UP Squared: SSE4.2, no AVX
 
 
@@ -30,7 +34,13 @@ class ProfileRow:
     packets: int
     naive_s: float
     gemm_s: float
+    direct_s: float
+    """Our kernel over all packets."""
     ours_s: float
+    members: int
+    """Of the path's skeletons."""
+    bound_s: float
+    """What the arithmetic for the members alone would take at the rate of a large matrix product in float32."""
     batch_s: float
     """Adding a batch of 32 packets to a sliding window."""
     batch_read_s: float
@@ -39,22 +49,33 @@ class ProfileRow:
 
 def profile_rows(counts: tuple[int, ...]) -> list[ProfileRow]:
     rows = []
+    flop_s = _seconds_a_flop()
     for packets in counts:
         aperture = helix(packets)
         chi, g = aperture.chi_m, aperture.channel
         window = SlidingProfile(WAVELENGTH_M)
         window.add(chi, g)
+        x, unit = chi * (2.0 / WAVELENGTH_M), g / np.abs(g).sum()
+        members = len(condensed(x, unit[:, None])[0])
         rows.append(
             ProfileRow(
                 packets,
                 best_s(lambda chi=chi, g=g: bartlett_profile_oracle(chi, g, WAVELENGTH_M), repeats=1),  # type: ignore[misc]
                 best_s(lambda chi=chi, g=g: _gemm_profile(chi, g), repeats=2),  # type: ignore[misc]
-                best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M)),  # type: ignore[misc]
+                best_s(lambda x=x, unit=unit: bartlett_power(x, unit)),  # type: ignore[misc]
+                best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M), repeats=40),  # type: ignore[misc]
+                members,
+                members * POLAR_RAD.size * AZIMUTH_RAD.size / 4 * _FLOPS * flop_s,
                 best_s(_slide(window, chi, g)),
                 best_s(_slide(window, chi, g, read=True)),
             )
         )
     return rows
+
+
+def _seconds_a_flop() -> float:
+    square = np.ones((_SQUARE, _SQUARE), np.float32)
+    return best_s(lambda: square @ square, repeats=20) / (2 * _SQUARE**3)
 
 
 def atom_profile_s(packets: int) -> float:
@@ -64,7 +85,7 @@ def atom_profile_s(packets: int) -> float:
         "from benchmarks.timing import best_s\n"
         "from wsr.profile import bartlett_profile\n"
         f"a = helix({packets})\n"
-        "print(best_s(lambda: bartlett_profile(a.chi_m, a.channel, WAVELENGTH_M)))"
+        "print(best_s(lambda: bartlett_profile(a.chi_m, a.channel, WAVELENGTH_M), repeats=20))"
     )
     environment = os.environ | {"NUMBA_CPU_NAME": _ATOM, "NUMBA_CPU_FEATURES": ""}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

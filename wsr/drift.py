@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from wsr.focus import Bounds, Focus, refine
 from wsr.geometry import direction
-from wsr.subapertures import SubApertures, score
+from wsr.subapertures import SubApertures, score_together
 from wsr.uncertainty import bound
 
 # Trackers that err by more than this share of the path have failed.
@@ -66,11 +66,14 @@ def find_drift(
     most = max(_TURN_STEP, _MAX_BIAS * path_turns)
     around = np.concatenate([_cap(azimuth, polar) for azimuth, polar in starts])
     best = (-1.0, 0.0, around[0], ranges_m[0])
-    for turns in np.arange(-most, most + _TURN_STEP / 2, _TURN_STEP):
-        scores = score(turned(whole, tau, float(turns)), around, ranges_m, None).coherence[0]
-        n, r = np.unravel_index(int(np.argmax(scores)), scores.shape)
-        if scores[n, r] > best[0]:
-            best = (float(scores[n, r]), float(turns), around[n], ranges_m[r])
+    steps = [float(turns) for turns in np.arange(-most, most + _TURN_STEP / 2, _TURN_STEP)]
+    for turns, scores in zip(
+        steps, score_together(_turned_all(whole, tau, steps), around, ranges_m, None), strict=True
+    ):
+        coherence = scores.coherence[0]
+        n, r = np.unravel_index(int(np.argmax(coherence)), coherence.shape)
+        if coherence[n, r] > best[0]:
+            best = (float(coherence[n, r]), turns, around[n], ranges_m[r])
     found = _refined(whole, tau, best[1], best[2], best[3], beam_rad, bounds)
     if 1.0 - found.focus.coherence > _EXPLAINED * (1.0 - focus.coherence):
         return None
@@ -96,6 +99,13 @@ def turned(parts: SubApertures, tau: Array, turns: float) -> SubApertures:
     return replace(parts, h=np.ascontiguousarray(np.stack([rotated.real, rotated.imag]), np.float32))
 
 
+def _turned_all(parts: SubApertures, tau: Array, steps: list[float]) -> list[SubApertures]:
+    """The same condensed, for each of many turns: one skeleton serves all."""
+    h = (parts.h[0] + 1j * parts.h[1]).T
+    waves = np.exp(2j * math.pi * tau[:, None] * np.array(steps))
+    return parts.with_channels((waves[:, :, None] * h[:, None, :]).reshape(len(tau), -1))
+
+
 def _cap(azimuth: float, polar: float) -> Array:
     """Directions (N, 3) within _REACH_RAD."""
     u = direction(azimuth, polar)
@@ -115,18 +125,16 @@ def _refined(
     width, step_rad = 0.25, _STEP_RAD
     for _ in range(_ROUNDS):
         start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
-        here = turned(parts, tau, turns)
+        here, *beside = _turned_all(parts, tau, [turns, turns - width, turns + width])
         focus = refine(here, start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
         at = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
-        low, middle, high = (
-            float(score(turned(parts, tau, turns + d), at, (focus.range_m,), None).coherence[0, 0, 0])
-            for d in (-width, 0.0, width)
-        )
+        scores = score_together([here, *beside], at, (focus.range_m,), None)
+        middle, low, high = (float(each.coherence[0, 0, 0]) for each in scores)
         curvature = low - 2 * middle + high
         if curvature < 0.0:
             turns += min(max(0.5 * width * (low - high) / curvature, -width), width)
         width, step_rad = 0.5 * width, 0.5 * step_rad
     here = turned(parts, tau, turns)
     start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
-    focus = refine(here, start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
+    focus = refine(here.condensed(), start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
     return Drift(focus, turns, tau, here)

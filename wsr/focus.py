@@ -10,7 +10,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.backprojection import Rows, score_rows
 from wsr.geometry import direction
 from wsr.kernel import compiled
 from wsr.subapertures import SubApertures, delay_weight, score, score_grid
@@ -96,9 +95,8 @@ def look(
     delay_ns: float | None,
 ) -> Look:
     """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others."""
-    azimuth, polar, first = grid
-    rows = Rows(polar[first[:-1]], first)
-    scores = score_rows(parts, direction(azimuth, polar), rows, tuple(ranges_m), delay_ns)
+    azimuth, polar, _ = grid
+    scores = score(parts, direction(azimuth, polar), ranges_m, delay_ns)
     return _fused(grid, scores.score, ranges_m)
 
 
@@ -156,18 +154,18 @@ def refine(
     """
     azimuth, polar, range_m = start
     wave_m = parts.wavelength_m
-    azimuth, polar, reach, coherence = _climb(
+    azimuth, polar, inverse, coherence = _climb(
         *parts.arrays(delay_ns is not None),
         math.inf if delay_ns is None else delay_ns,
-        (azimuth, polar, 0.0 if range_m is None else range_m / wave_m),
+        (azimuth, polar, 0.0 if range_m is None else wave_m / range_m),
         peak,
         (step_rad / 2, _LEAST_BEAM_WIDTHS * beam_rad),
-        (_MIN_RANGE_M / wave_m, _MAX_RANGE_M / wave_m),
+        (wave_m / _MAX_RANGE_M, wave_m / _MIN_RANGE_M),
         (bounds.low_rad, bounds.high_rad, bounds.planar),
         coherent_above,
         steps,
     )
-    return Focus(azimuth, polar, None if range_m is None else reach * wave_m, coherence)
+    return Focus(azimuth, polar, None if range_m is None else wave_m / inverse, coherence)
 
 
 _late = compiled(delay_weight)
@@ -186,41 +184,41 @@ def _climb(
     start: tuple[float, float, float],
     peak: Array,
     steps_rad: tuple[float, float],
-    reaches: tuple[float, float],
+    inverses: tuple[float, float],
     polars: tuple[float, float, bool],
     coherent_above: float,
     steps: int,
 ) -> tuple[float, float, float, float]:
-    """Azimuth, polar angle, range in wavelengths (0: far field, and stays so) and coherence; see `refine`.
+    """Azimuth, polar angle, inverse range a wavelength (0: far field, and stays so) and coherence; see `refine`.
 
     All steps in machine code: called one by one, most of their time would go into the calls.
     """
-    azimuth, polar, reach = start
+    azimuth, polar, inverse = start
     d, least_d = steps_rad
-    log_step, spans = _LOG_RANGE_STEP, 3 if reach > 0.0 else 1
+    log_step, spans = _LOG_RANGE_STEP, 3 if inverse > 0.0 else 1
     scales, best = peak.size, 0.0
-    u, ranges = np.empty((9, 3), np.float32), np.zeros(spans, np.float32)
-    coherence, phase = np.empty((scales, 9, spans), np.float32), np.zeros((scales, 9, spans), np.float32)
+    lanes = 9 * spans
+    u, inverses_n = np.empty((lanes, 3), np.float32), np.zeros(lanes, np.float32)
+    coherence, phase = np.empty((1, scales, lanes), np.float32), np.zeros((1, scales, lanes), np.float32)
     cube, move = np.empty((3, 3, spans)), np.empty(3)
     for step in range(steps):
         d_azimuth, d_polar = d / max(math.sin(polar), 0.1), d * (3.0 if polars[2] else 1.0)
-        for n in range(9):
-            a, t = azimuth + (n // 3 - 1) * d_azimuth, polar + (n % 3 - 1) * d_polar
+        for n in range(lanes):
+            a, t = azimuth + (n // (3 * spans) - 1) * d_azimuth, polar + (n // spans % 3 - 1) * d_polar
             u[n, 0], u[n, 1], u[n, 2] = math.sin(t) * math.cos(a), math.sin(t) * math.sin(a), math.cos(t)
-        if spans == 3:
-            for r in range(3):
-                ranges[r] = min(max(reach * math.exp((r - 1) * log_step), reaches[0]), reaches[1])
-        score_grid(x, x2, h, u, ranges, cuts, pieces, lag, power, coherence, phase)
+            if spans == 3:
+                inverses_n[n] = min(max(inverse * math.exp((1 - n % 3) * log_step), inverses[0]), inverses[1])
+        score_grid(x, x2, h, cuts, pieces, lag, power, u, inverses_n, coherence, phase)
         top = 0
-        for n in range(9 * spans):
+        for n in range(lanes):
             value = 0.0
             for k in range(scales):
-                late = _late(phase[k, n // spans, n % spans], delay_ns) if lag.size > 0 else 1.0
-                value += coherence[k, n // spans, n % spans] * late / peak[k]
+                late = _late(phase[0, k, n], delay_ns) if lag.size > 0 else 1.0
+                value += coherence[0, k, n] * late / peak[k]
             cube[n // (3 * spans), n // spans % 3, n % spans] = value / scales
             if value > scales * cube[top // (3 * spans), top // spans % 3, top % spans]:
                 top = n
-        best = float(coherence[0, top // spans, top % spans])
+        best = float(coherence[0, 0, top])
         move[0], move[1], move[2] = top // (3 * spans) - 1, top // spans % 3 - 1, top % spans - 1
         if spans == 3:
             _newton(cube, move)
@@ -232,7 +230,7 @@ def _climb(
             polar = math.pi - polar
         polar = min(max(polar, polars[0]), polars[1])
         if spans == 3:
-            reach = min(max(reach * math.exp(move[2] * log_step), reaches[0]), reaches[1])
+            inverse = min(max(inverse * math.exp(-move[2] * log_step), inverses[0]), inverses[1])
         if max(abs(move[0]), abs(move[1]), abs(move[2])) < 1.0:
             d = max(0.5 * d, least_d)
             log_step = max(0.7 * log_step, _LEAST_LOG_RANGE_STEP)
@@ -240,7 +238,7 @@ def _climb(
             scales, peak = 1, np.ones(1)
             pieces = pieces[: np.count_nonzero(pieces[:, 0] == 0)]
             lag = np.zeros((0, 0), np.complex64)
-    return azimuth, polar, reach, best
+    return azimuth, polar, inverse, best
 
 
 @compiled

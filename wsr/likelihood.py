@@ -20,6 +20,8 @@ from wsr.subapertures import SubApertures
 from wsr.uncertainty import phase_slopes
 
 _STEPS = 10
+# Of angles, in radians, and of the range as a share: a step this short is the last.
+_SHORT_STEP = 1e-7
 # Direction and range may lie along a valley of the coarse search, some degrees and half the range away.
 _REACH_RAD = math.radians(3.0)
 _REACH_RANGE = 3.0
@@ -80,6 +82,9 @@ def most_likely(
         azimuth, polar = azimuth + float(step[0]), polar + float(step[1])
         if not _is_near(focus, azimuth, polar, range_m):
             return focus
+        further = 0.0 if range_m is None else abs(float(step[2])) / range_m
+        if max(abs(float(step[0])), abs(float(step[1])), further) < _SHORT_STEP:
+            break
     found = Focus(azimuth, polar, range_m, focus.coherence)
     gain = float(matched(parts, x_m, segment, found).real.sum()) / max(power, 1e-300)
     return replace(found, coherence=focus.coherence * gain) if gain >= 1.0 else focus

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +21,26 @@ Array = NDArray[np.float64]
 
 def look_profile(seen: Look) -> Profile:
     """The look's best score over ranges, 1 at its maximum, interpolated along and between its rows."""
+    counts = np.diff(seen.rows)
+    at, share = _along(tuple(counts.tolist()))
     power = seen.power
-    rows = [
-        np.interp(AZIMUTH_RAD, seen.azimuth_rad[a:b], power[a:b], period=_TAU)
-        for a, b in zip(seen.rows[:-1], seen.rows[1:], strict=True)
-    ]
+    table = power[at[0]] * (1.0 - share) + power[at[1]] * share
     polar = seen.polar_rad[seen.rows[:-1]]
-    at = np.interp(POLAR_RAD, polar, np.arange(polar.size))
-    low = np.minimum(at.astype(np.intp), polar.size - 2)
-    share = (at - low)[:, None]
-    table = np.stack(rows)
-    return Profile(((1 - share) * table[low] + share * table[low + 1]).astype(np.float32), AZIMUTH_RAD, POLAR_RAD)
+    place = np.interp(POLAR_RAD, polar, np.arange(polar.size))
+    low = np.minimum(place.astype(np.intp), polar.size - 2)
+    weight = (place - low)[:, None]
+    return Profile(((1 - weight) * table[low] + weight * table[low + 1]).astype(np.float32), AZIMUTH_RAD, POLAR_RAD)
+
+
+@lru_cache(maxsize=4)
+def _along(counts: tuple[int, ...]) -> tuple[NDArray[np.intp], Array]:
+    """Directions (2, T, P) on both sides of each azimuth of the profile, in rows of so many even azimuths from -pi on,
+    and the share (T, P) of the second."""
+    number = np.array(counts)[:, None]
+    place = (AZIMUTH_RAD + math.pi) / _TAU * number
+    low = np.minimum(place.astype(np.intp), number - 1)
+    first = np.cumsum(number, axis=0) - number
+    return np.stack([first + low, first + (low + 1) % number]), place - low
 
 
 def level_profile(x_m: Array, channel: NDArray[np.complex128], wavelength_m: float) -> Profile:

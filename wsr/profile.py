@@ -59,7 +59,7 @@ def bartlett_profile(
     needed = max(1, 1 + 2 * math.ceil((bandwidth(x) / ROWS - 1.0) / 2.0))
     finer = min(needed, _MOST_FINE) if cells else 1
     if len(g) > _FEW:
-        x, columns = condensed(x, g[:, None])
+        x, columns, _ = condensed(x, g[:, None])
         g = columns[:, 0]
     power = bartlett_power(x, g, finer * ROWS)
     if finer > 1:

@@ -46,16 +46,20 @@ def width_rad(power: Array32, row: int, column: int) -> float:
 
 
 @compiled
-def _neighbour(cell: int, which: int, rows: int, columns: int) -> int:
+def _neighbour(row: int, column: int, which: int, rows: int, columns: int) -> int:
     """One of eight neighbours of a cell: around the circle, and over a pole to the column half a turn away."""
     offset = which if which < 4 else which + 1
-    row, column = cell // columns + offset // 3 - 1, cell % columns + offset % 3 - 1
+    r, c = row + offset // 3 - 1, column + offset % 3 - 1
     if rows == 1:
-        row = 0
-    elif row < 0 or row >= rows:
-        row = min(max(row, 0), rows - 1)
-        column += columns // 2
-    return row * columns + column % columns
+        r = 0
+    elif r < 0 or r >= rows:
+        r = min(max(r, 0), rows - 1)
+        c += columns // 2
+    if c >= columns:
+        c -= columns
+    elif c < 0:
+        c += columns
+    return r * columns + c
 
 
 @compiled
@@ -75,8 +79,9 @@ def _flood(power: Array32, order: Indices) -> Array32:
     result = np.zeros(height.size, np.float32)
     for cell in order:
         parent[cell] = cell
+        row, column = cell // columns, cell % columns
         for which in range(8):
-            beside = _neighbour(cell, which, rows, columns)
+            beside = _neighbour(row, column, which, rows, columns)
             if parent[beside] < 0:
                 continue
             a, b = _root(parent, cell), _root(parent, beside)
@@ -92,20 +97,36 @@ def _flood(power: Array32, order: Indices) -> Array32:
 
 @compiled
 def _connected(above: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
+    """The connected part of `above` around a cell, filled by runs of a row at a time."""
     rows, columns = above.shape
     inside = np.zeros((rows, columns), np.bool_)
-    stack = np.empty(rows * columns, np.int64)
-    stack[0] = row * columns + column
-    inside[row, column] = True
-    size = 1
+    stack = np.empty((3 * rows * columns + 8, 2), np.int64)
+    stack[0, 0], stack[0, 1], size = row, column, 1
     while size > 0:
         size -= 1
-        cell = stack[size]
-        for which in range(8):
-            beside = _neighbour(cell, which, rows, columns)
-            r, c = beside // columns, beside % columns
-            if above[r, c] and not inside[r, c]:
-                inside[r, c] = True
-                stack[size] = beside
-                size += 1
+        r, c = stack[size, 0], stack[size, 1]
+        if inside[r, c]:
+            continue
+        left, length = c, 1
+        while length < columns and above[r, left - 1 if left > 0 else columns - 1]:
+            left, length = left - 1 if left > 0 else columns - 1, length + 1
+        while length < columns and above[r, (left + length) % columns]:
+            length += 1
+        for step in range(length):
+            at = left + step
+            inside[r, at if at < columns else at - columns] = True
+        for side in (-1, 1):
+            beside, shift = r + side, 0
+            if rows == 1:
+                continue
+            if beside < 0 or beside >= rows:
+                beside, shift = r, columns // 2
+            was = False
+            for step in range(-1, length + 1):
+                at = (left + step + shift + columns) % columns
+                now = above[beside, at] and not inside[beside, at]
+                if now and not was:
+                    stack[size, 0], stack[size, 1] = beside, at
+                    size += 1
+                was = now
     return inside

@@ -28,6 +28,7 @@ from wsr.kernel import compiled
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 _LENGTHS: Final = (1.0, 3.0, 8.0)
 """Wavelengths: first short stretches, whose many packets need few members, then long ones of these members, which need
@@ -44,28 +45,35 @@ TOLERANCE: Final = 1e-4
 _S1, _S2, _S3, _S4, _S5, _S6, _S7 = ((-1) ** n * math.pi ** (2 * n) / math.factorial(2 * n + 1) for n in range(1, 8))
 
 
-def condensed(x: Array, channel: Complex, tolerance: float = TOLERANCE) -> tuple[Array, Complex]:
+def condensed(
+    x: Array, channel: Complex, tolerance: float = TOLERANCE, borders: Indices | None = None
+) -> tuple[Array, Complex, Indices]:
     """Positions (N, 3) and channels (N, S), N <= M, with the field of packets x (M, 3) in wavelengths of the phase and
-    channel (M, S), all finite, in path order. Stretches that have no small skeleton are left as they are."""
+    channel (M, S), all finite, in path order. Stretches that have no small skeleton are left as they are.
+
+    `borders` (C + 1,), from 0 to M: runs that no stretch spans; those of the result come last.
+    """
     places = np.ascontiguousarray(x.T, np.float64)
     parts = np.ascontiguousarray(np.concatenate([channel.real.T, channel.imag.T]), np.float64)
+    runs = np.array([0, len(x)]) if borders is None else borders.copy()
     for length, most in zip(_LENGTHS, _MOST, strict=True):
-        count = _condense(places, parts, length, tolerance**2, most)
+        count = _condense(places, parts, runs, length, tolerance**2, most)
         places, parts = places[:, :count].copy(), parts[:, :count].copy()
     half = len(parts) // 2
-    return places.T, (parts[:half] + 1j * parts[half:]).T
+    return places.T, (parts[:half] + 1j * parts[half:]).T, runs
 
 
 @compiled
-def _condense(places: Array, parts: Array, length: float, rest: float, most: int) -> int:
-    """Moves places (3, M) and parts (2 S, M) of the channels of all skeletons to the front; their number."""
+def _condense(places: Array, parts: Array, runs: Indices, length: float, rest: float, most: int) -> int:
+    """Moves places (3, M) and parts (2 S, M) of the channels of all skeletons to the front; their number. `runs` then
+    tells their runs."""
     packets, count, first = places.shape[1], 0, 0
     factor = np.empty((most, packets))
     left, column, members = np.empty(packets), np.empty(3 * packets), np.empty(packets, np.int64)
     weights = np.empty((parts.shape[0], most))
-    patience = _PATIENCE
+    patience, run = _PATIENCE, 1
     for k in range(1, packets + 1):
-        if k < packets:
+        if k < runs[run]:
             far = 0.0
             for axis in range(3):
                 far += (places[axis, k] - places[axis, first]) ** 2
@@ -95,6 +103,9 @@ def _condense(places: Array, parts: Array, length: float, rest: float, most: int
                     parts[s, count + i] = parts[s, first + i]
             count += size
         first = k
+        if k == runs[run]:
+            runs[run] = count
+            run += 1
     return count
 
 
@@ -108,7 +119,7 @@ def _skeleton(
     factor: Array,
     left: Array,
     column: Array,
-    members: NDArray[np.int64],
+    members: Indices,
 ) -> int:
     """Number of members of one stretch, or 0 where more than `most` would be needed; rows of Cholesky's factor L^T."""
     # Views, whose indices cannot be negative: else there are no vector lanes.
@@ -142,9 +153,7 @@ def _skeleton(
 
 
 @compiled
-def _weigh(
-    parts: Array, first: int, size: int, rank: int, factor: Array, members: NDArray[np.int64], weights: Array
-) -> None:
+def _weigh(parts: Array, first: int, size: int, rank: int, factor: Array, members: Indices, weights: Array) -> None:
     """Weights w of the members: L_m^T w = L^T g, from the last on."""
     for s in range(parts.shape[0]):
         part = parts[s, first : first + size]

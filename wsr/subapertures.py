@@ -24,12 +24,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, phasors
+from wsr.kernel import compiled, phasor
 from wsr.ofdm import LAG, UNIT_HZ, Grid
+from wsr.skeleton import condensed
 
 _MAX_DELAY_NS = 60.0
-BLOCK = 32
+BLOCK = 64
 """Directions that are fused at once: a few vector registers of them, and what is added up stays in the first cache."""
+_TOLERANCE = 1e-3
 _DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * LAG * UNIT_HZ)
 
 Array = NDArray[np.float64]
@@ -68,7 +70,18 @@ class SubApertures:
     def arrays(self, delays: bool) -> tuple[Array32, Array32, Array32, Indices, Indices, NDArray[np.complex64], float]:
         """What `score_grid` takes first, with an empty `lag` without `delays`."""
         lag = self.lag if delays else np.zeros((0, 0), np.complex64)
-        return self.x, (self.x**2).sum(axis=0), self.h, self.cuts, self.pieces, lag, self.power
+        return self.x, (self.x**2).sum(axis=0), self.h[None], self.cuts, self.pieces, lag, self.power
+
+    def condensed(self) -> SubApertures:
+        """The same with skeletons in the place of runs of bins: scores within 1e-3 of the maximum."""
+        return self.with_channels((self.h[0] + 1j * self.h[1]).T)[0]
+
+    def with_channels(self, channels: Complex) -> list[SubApertures]:
+        """Condensed parts (T,) that share their bins, one for every S columns of channels (B, T S)."""
+        x, h, cuts = condensed(self.x.T.astype(np.float64), channels, _TOLERANCE, self.cuts)
+        places, size = np.ascontiguousarray(x.T, np.float32), self.h.shape[1]
+        parts = np.stack([h.real.T, h.imag.T]).astype(np.float32).reshape(2, -1, size, len(h))
+        return [replace(self, x=places, h=parts[:, t].copy(), cuts=cuts) for t in range(parts.shape[1])]
 
     def whole(self) -> SubApertures:
         """The same bins at the scale 1 alone, which has to be the first of the scales."""
@@ -111,15 +124,27 @@ def sub_apertures(
 
 def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay_ns: float | None) -> Scores:
     """Scores of directions u (N, 3) at each range; no weight for the delay if `delay_ns` is None."""
-    scales = int(parts.pieces[-1, 0]) + 1
-    shape = (scales, len(u), len(ranges_m))
+    return score_together([parts], u, ranges_m, delay_ns)[0]
+
+
+def score_together(
+    links: Sequence[SubApertures], u: Array, ranges_m: Sequence[float | None], delay_ns: float | None
+) -> list[Scores]:
+    """The same for parts that share their bins, cuts and pieces, with steering vectors made once for all."""
+    first = links[0]
+    scales = int(first.pieces[-1, 0]) + 1
+    shape = (len(links), scales, len(u) * len(ranges_m))
     coherence, phase = np.empty(shape, np.float32), np.zeros(shape, np.float32)
-    ranges = np.array([0.0 if r is None else r / parts.wavelength_m for r in ranges_m], np.float32)
-    x, x2, h, cuts, pieces, lag, power = parts.arrays(delay_ns is not None)
-    score_grid(x, x2, h, np.ascontiguousarray(u, np.float32), ranges, cuts, pieces, lag, power, coherence, phase)
+    inverse = np.array([0.0 if r is None else first.wavelength_m / r for r in ranges_m], np.float32)
+    x, x2, _, cuts, pieces, lag, power = first.arrays(delay_ns is not None)
+    h = np.stack([link.h for link in links])
+    directions = np.tile(np.ascontiguousarray(u, np.float32), (len(ranges_m), 1))
+    score_grid(x, x2, h, cuts, pieces, lag, power, directions, np.repeat(inverse, len(u)), coherence, phase)
+    apart = (len(links), scales, len(ranges_m), len(u))
+    f, late = (np.moveaxis(each.reshape(apart), 2, 3) for each in (coherence, phase))
     if delay_ns is None or not lag.size:
-        return Scores(coherence, coherence)
-    return Scores(coherence * delay_weight(phase, delay_ns), coherence)
+        return [Scores(each, each) for each in f]
+    return [Scores(each * delay_weight(rad, delay_ns), each) for each, rad in zip(f, late, strict=True)]
 
 
 def delay_weight(phase_rad: Array32, delay_ns: float) -> Array32:
@@ -178,139 +203,139 @@ def score_grid(
     x: Array32,
     x2: Array32,
     h: Array32,
-    u: Array32,
-    ranges: Array32,
     cuts: Indices,
     pieces: Indices,
     lag: NDArray[np.complex64],
     power: float,
+    u: Array32,
+    inverse: Array32,
     coherence: Array32,
     phase: Array32,
 ) -> None:
-    """Coherence, and phase of the lagged product if there is a `lag`, (K, N, R) each, of directions u (N, 3) and ranges
-    (R,) in wavelengths, 0 for the far field. What comes first is `SubApertures.arrays`."""
-    bins, combos = x.shape[1], h.shape[1]
-    across = np.empty(bins, np.float32)
-    turns = np.empty(bins, np.float32)
-    cosine = np.empty(bins, np.float32)
-    sine = np.empty(bins, np.float32)
-    width = min(BLOCK, u.shape[0])
-    y = np.empty((cuts.size - 1, combos, 2, width), np.float32)
-    room = np.empty((2 * combos + 2, 2, width), np.float32)
-    for i in range(ranges.size):
-        for begin in range(0, u.shape[0], width):
-            count = min(width, u.shape[0] - begin)
-            for m in range(count):
-                n = begin + m
-                for b in range(bins):
-                    across[b] = u[n, 0] * x[0, b] + u[n, 1] * x[1, b] + u[n, 2] * x[2, b]
-                path_turns(across, x2, ranges[i], turns)
-                phasors(turns, cosine, sine)
-                for run in range(cuts.size - 1):
-                    for s in range(combos):
-                        turned_sum(h[0, s], h[1, s], cosine, sine, cuts[run], cuts[run + 1], y[run, s, :, m])
-            after = begin + count
-            fuse(y, count, pieces, lag, power, room, coherence[:, begin:after, i], phase[:, begin:after, i])
+    """Coherence, and phase of the lagged product if there is a `lag`, (T, K, N) each, of directions u (N, 3) with
+    inverse ranges (N,) a wavelength, 0 for the far field. What comes first is `SubApertures.arrays`, h for T of them.
+
+    Vector lanes run over directions, in blocks.
+    """
+    links, combos = h.shape[0], h.shape[2]
+    longest = 0
+    for run in range(cuts.size - 1):
+        longest = max(longest, cuts[run + 1] - cuts[run])
+    # What is left over of the last block stands for any direction.
+    lanes = np.zeros((4, BLOCK), np.float32)
+    steering = np.empty((longest, 2, BLOCK), np.float32)
+    y = np.empty((links, cuts.size - 1, combos * 2 * BLOCK), np.float32)
+    room = np.empty((2, combos * 2 * BLOCK), np.float32)
+    result = np.empty((2, coherence.shape[1], BLOCK), np.float32)
+    for begin in range(0, u.shape[0], BLOCK):
+        count = min(BLOCK, u.shape[0] - begin)
+        for m in range(count):
+            for axis in range(3):
+                lanes[axis, m] = u[begin + m, axis]
+            lanes[3, m] = inverse[begin + m]
+        for run in range(cuts.size - 1):
+            first = cuts[run]
+            for b in range(first, cuts[run + 1]):
+                _steer(lanes, x[0, b], x[1, b], x[2, b], x2[b], steering[b - first])
+            for link in range(links):
+                for s in range(combos):
+                    at = s * 2 * BLOCK
+                    _add_up(h[link, 0, s], h[link, 1, s], first, cuts[run + 1], steering, y[link, run, at:])
+        for link in range(links):
+            _fuse(y[link], pieces, lag, power, room[0], room[1], result)
+            for scale in range(coherence.shape[1]):
+                for m in range(count):
+                    coherence[link, scale, begin + m] = result[0, scale, m]
+                    phase[link, scale, begin + m] = result[1, scale, m]
 
 
 @compiled
-def path_turns(across: Array32, x2: Array32, r: np.float32, turns: Array32) -> None:
-    """d = |r u - x| - r without cancellation: (x^2 - 2 r u.x) / (sqrt(r^2 - 2 r u.x + x^2) + r); r = 0: -u.x."""
-    if r == 0.0:
-        for b in range(across.size):
-            turns[b] = -across[b]
-        return
-    two = np.float32(2.0)
-    zero = np.float32(0.0)
-    for b in range(across.size):
-        more = x2[b] - two * r * across[b]
-        turns[b] = more / (np.sqrt(max(r * r + more, zero)) + r)
+def _steer(lanes: Array32, x: np.float32, y: np.float32, z: np.float32, square: np.float32, out: Array32) -> None:
+    """exp(+j 2 pi d) (2, W) of one bin: d = |r u - x| - r without cancellation, with q = 1 / r
+    (q x^2 - 2 u.x) / (sqrt(1 - 2 q u.x + q^2 x^2) + 1)."""
+    one, two, zero = np.float32(1.0), np.float32(2.0), np.float32(0.0)
+    for m in range(BLOCK):
+        q = lanes[3, m]
+        more = q * square - two * (lanes[0, m] * x + lanes[1, m] * y + lanes[2, m] * z)
+        turns = more / (np.sqrt(max(one + q * more, zero)) + one)
+        out[0, m], out[1, m] = phasor(turns - np.rint(turns))
 
 
 @compiled
-def turned_sum(re: Array32, im: Array32, cosine: Array32, sine: Array32, first: int, after: int, out: Array32) -> None:
-    """Sum of (re + j im)(cosine + j sine): the inner loop."""
-    a = b = np.float32(0.0)
-    for k in range(first, after):
-        a += re[k] * cosine[k] - im[k] * sine[k]
-        b += re[k] * sine[k] + im[k] * cosine[k]
-    out[0] = a
-    out[1] = b
+def _add_up(re: Array32, im: Array32, first: int, after: int, steering: Array32, out: Array32) -> None:
+    """Sums (2, W) of h times steering (B, 2, W) over some bins: the inner loop."""
+    for m in range(2 * BLOCK):
+        out[m] = 0.0
+    for b in range(first, after):
+        a, c, at = re[b], im[b], steering[b - first]
+        for m in range(BLOCK):
+            out[m] += a * at[0, m] - c * at[1, m]
+            out[m + BLOCK] += a * at[1, m] + c * at[0, m]
 
 
 @compiled
-def fuse(
+def _fuse(
     y: Array32,
-    count: int,
     pieces: Indices,
     lag: NDArray[np.complex64],
     power: float,
-    room: Array32,
-    coherence: Array32,
-    phase: Array32,
+    total: Array32,
+    piece: Array32,
+    result: Array32,
 ) -> None:
-    """Coherence and phase (K, N) of the lagged product at each scale, from the sums (C, S, 2, W) of the `count` = N
-    directions that come first. Vector lanes run over directions. `room` is (2 S + 2, 2, W), for what is added up."""
-    combos = y.shape[1]
-    total, piece = room[:combos], room[combos : 2 * combos]
-    match, energy, lagged = room[2 * combos, 0], room[2 * combos, 1], room[2 * combos + 1]
-    total[:], energy[:], lagged[:] = 0.0, 0.0, 0.0
-    last = pieces.shape[0] - 1
+    """Coherence and phase of the lagged product (2, K, W) at each scale, from the sums (C, 2 S W) of runs. Vector lanes
+    run over directions. `total` and `piece` (2 S W,) are room to work in."""
+    width, last = y.shape[1], pieces.shape[0] - 1
+    match, energy = np.empty(BLOCK, np.float32), np.zeros(BLOCK, np.float32)
+    lagged = np.zeros(2 * BLOCK, np.float32)
     squares = size = np.float32(0.0)
-    for p in range(pieces.shape[0]):
-        match[:] = 0.0
-        for s in range(combos):
-            for part in range(2):
-                _add_runs(y[:, s, part], pieces[p, 2], pieces[p, 3], count, piece[s, part], total[s, part], match)
-        for s in range(combos):
-            for part in range(2):
-                for m in range(count):
-                    total[s, part, m] += piece[s, part, m] if match[m] >= 0 else -piece[s, part, m]
+    fresh = True
+    for p in range(last + 1):
+        into = total if fresh else piece
+        into[:] = y[pieces[p, 2]]
+        for run in range(pieces[p, 2] + 1, pieces[p, 3]):
+            more = y[run]
+            for i in range(width):
+                into[i] += more[i]
+        if not fresh:
+            match[:] = 0.0
+            for at in range(0, width, BLOCK):
+                for m in range(BLOCK):
+                    match[m] += piece[at + m] * total[at + m]
+            for at in range(0, width, BLOCK):
+                for m in range(BLOCK):
+                    total[at + m] += piece[at + m] if match[m] >= 0 else -piece[at + m]
         size += np.float32(pieces[p, 4])
         new_scale = p == last or pieces[p + 1, 0] != pieces[p, 0]
-        if not new_scale and pieces[p + 1, 1] == pieces[p, 1]:
+        fresh = new_scale or pieces[p + 1, 1] != pieces[p, 1]
+        if not fresh:
             continue
-        for s in range(combos):
-            for m in range(count):
-                energy[m] += total[s, 0, m] ** 2 + total[s, 1, m] ** 2
+        for at in range(0, width, BLOCK):
+            for m in range(BLOCK):
+                energy[m] += total[at + m] * total[at + m]
         for a in range(lag.shape[0]):
             for b in range(lag.shape[0]):
-                _add_lagged(total[a], total[b], lag[a, b].real, lag[a, b].imag, count, lagged)
+                _add_lagged(total[2 * BLOCK * a :], total[2 * BLOCK * b :], lag[a, b].real, lag[a, b].imag, lagged)
         squares += size * size
         size = np.float32(0.0)
-        total[:] = 0.0
         if new_scale:
             scale = np.float32(1.0) / (np.float32(power) * squares)
-            for m in range(count):
-                coherence[pieces[p, 0], m] = energy[m] * scale
+            for m in range(BLOCK):
+                result[0, pieces[p, 0], m] = energy[m] * scale
             if lag.shape[0] > 0:
-                _angles(lagged, count, match)
-                for m in range(count):
-                    phase[pieces[p, 0], m] = match[m]
+                _angles(lagged, result[1, pieces[p, 0]])
             energy[:], lagged[:] = 0.0, 0.0
             squares = np.float32(0.0)
 
 
 @compiled
-def _add_runs(y: Array32, first: int, after: int, count: int, piece: Array32, total: Array32, match: Array32) -> None:
-    """The sum of some runs (C, W), and how it matches what there is."""
-    for m in range(count):
-        piece[m] = y[first, m]
-    for run in range(first + 1, after):
-        for m in range(count):
-            piece[m] += y[run, m]
-    for m in range(count):
-        match[m] += piece[m] * total[m]
-
-
-@compiled
-def _add_lagged(a: Array32, b: Array32, re: np.float32, im: np.float32, count: int, lagged: Array32) -> None:
-    """Adds a b^* (re + j im), for complex numbers (2, W)."""
-    for m in range(count):
-        product_re = a[0, m] * b[0, m] + a[1, m] * b[1, m]
-        product_im = a[1, m] * b[0, m] - a[0, m] * b[1, m]
-        lagged[0, m] += product_re * re - product_im * im
-        lagged[1, m] += product_re * im + product_im * re
+def _add_lagged(a: Array32, b: Array32, re: np.float32, im: np.float32, lagged: Array32) -> None:
+    """Adds a b^* (re + j im), for complex numbers (2 W,), real parts first."""
+    for m in range(BLOCK):
+        product_re = a[m] * b[m] + a[m + BLOCK] * b[m + BLOCK]
+        product_im = a[m + BLOCK] * b[m] - a[m] * b[m + BLOCK]
+        lagged[m] += product_re * re - product_im * im
+        lagged[m + BLOCK] += product_re * im + product_im * re
 
 
 # arctan(a) / a on 0 <= a <= 1 as a polynomial in a^2: minimax, error 4e-8 rad before rounding.
@@ -330,11 +355,11 @@ _A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = (
 
 
 @compiled
-def _angles(xy: Array32, count: int, out: Array32) -> None:
-    """arctan2 of (2, W), which the mathematical library has for one number at a time only."""
+def _angles(xy: Array32, out: Array32) -> None:
+    """arctan2 of (2 W,), which the mathematical library has for one number at a time only."""
     zero, one, half, quarter = np.float32(0.0), np.float32(1.0), np.float32(math.pi), np.float32(math.pi / 2)
-    for m in range(count):
-        x, y = xy[0, m], xy[1, m]
+    for m in range(BLOCK):
+        x, y = xy[m], xy[m + BLOCK]
         ax, ay = abs(x), abs(y)
         top = ax if ax > ay else ay
         ratio = (ay if ax > ay else ax) / (top if top > zero else one)

@@ -18,7 +18,7 @@ from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
-from wsr.geometry import direction, great_circle, wrap_angle
+from wsr.geometry import direction, wrap_angle
 from wsr.half_turns import without_half_turns
 from wsr.likelihood import matched, most_likely
 from wsr.peaks import Peak, find_peaks, mirrored
@@ -105,17 +105,18 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
             return look_around(parts, circles, ranges_m, options.delay_ns)
         return look(parts, sphere_grid(options.step_rad), ranges_m, options.delay_ns)
 
-    seen = searched(fused)
+    lean = fused.condensed()
+    seen = searched(lean)
     beam_rad = wavelength_m / float(extents[0])
     bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
-    focus = _climbed(fused, seen, bounds, beam_rad, options)
+    focus = _climbed(lean, seen, bounds, beam_rad, options)
     drift, left = None, matched(fused, x, bins.segment, focus)
     if options.drift and (level or not flat) and time_correlation(np.angle(left)) > _TREND:
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
         drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad, bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
-        seen, left = searched(fused), matched(fused, x, bins.segment, focus)
+        seen, left = searched(fused.condensed()), matched(fused, x, bins.segment, focus)
     if not level and focus.coherence > options.coherent_above:
         focus = most_likely(fused, x, bins.segment, bins.counts, focus, None if drift is None else drift.tau)
         left = matched(fused, x, bins.segment, focus)
@@ -181,8 +182,8 @@ def _settled(fused: SubApertures, seen: Look, focus: Focus, options: RobustOptio
 
 def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
     """The best direction of a look that is not the focus's."""
-    apart = great_circle(direction(seen.azimuth_rad, seen.polar_rad), direction(focus.azimuth_rad, focus.polar_rad))
-    at = int(np.argmax(np.where(apart > _APART_RAD, seen.power, 0.0)))
+    near = direction(seen.azimuth_rad, seen.polar_rad) @ direction(focus.azimuth_rad, focus.polar_rad)
+    at = int(np.argmax(np.where(near < math.cos(_APART_RAD), seen.power, 0.0)))
     return float(seen.azimuth_rad[at]), float(seen.polar_rad[at])
 
 
