@@ -180,8 +180,10 @@ class Team:
 
     def _looked_elsewhere(self, problem: Problem, found: Solution) -> Solution:
         """One robot that is not placed is tried at other places each time, so that the time of an update is bounded."""
-        placed = self._placed(_relative(found.states[-1], found.covariance), found.states, problem)
-        lost = [i + 1 for i, is_placed in enumerate(placed) if not is_placed]
+        told = _relative(found.states[-1], found.covariance)
+        agree = supported(found.states, problem.sightings)
+        lost = [] if agree[0] else [0]
+        lost += [n + 1 for n, is_placed in enumerate(self._placed(told, agree)) if not is_placed and agree[0]]
         if not lost:
             return found
         self._turns += 1
@@ -200,11 +202,10 @@ class Team:
             states = solve(problem._replace(sightings=sightings), states, _TRIED_STEPS).states
         return states
 
-    def _placed(self, told: Relative, states: Array, problem: Problem) -> list[bool]:
-        """Of the others."""
-        agree = supported(states, problem.sightings)
+    def _placed(self, told: Relative, agree: list[bool]) -> list[bool]:
+        """Of the others; none of them where what we saw, and who saw us, does not agree with where we are."""
         blocks = [told.covariance[4 * n : 4 * n + 3, 4 * n : 4 * n + 3] for n in range(len(told.state))]
-        return [agree[n + 1] and is_sure(told.state[n, :3], block) for n, block in enumerate(blocks)]
+        return [agree[0] and agree[n + 1] and is_sure(told.state[n, :3], block) for n, block in enumerate(blocks)]
 
     # telling --------------------------------------------------------------------------------------------------------
 
@@ -217,7 +218,7 @@ class Team:
 
     def _told(self, now_ns: int, solution: Solution, problem: Problem) -> TeamState:
         told = self._carried(now_ns, solution)
-        placed = self._placed(told, solution.states, problem)
+        placed = self._placed(told, supported(solution.states, problem.sightings))
         members = []
         for n, robot in enumerate(self._ids[1:]):
             i = 4 * n

@@ -51,7 +51,8 @@ def largest_std_m(covariance_m2: Array) -> float:
 
 
 def other_guesses(i: int, states: Array, sightings: Sightings) -> Iterator[Array]:
-    """The same with robot i elsewhere: where bearings that tie it to another robot point, at several ranges."""
+    """The same with robot i elsewhere: where bearings that tie it to another robot point, at several ranges. With this
+    robot (0), whose place is the origin, all others are elsewhere instead."""
     tried: list[Array] = []
     mine = np.flatnonzero((sightings.target == i) | (sightings.observer == i))[-_NEWEST:]
     for at in mine[np.argsort(-sightings.reliability[mine], kind="stable")]:
@@ -64,7 +65,11 @@ def other_guesses(i: int, states: Array, sightings: Sightings) -> Iterator[Array
         tried.append(unit)
         for range_m in _RANGES_M:
             guess = states.copy()
-            guess[:, i, :3] += states[k, base, :3] + range_m * unit - states[k, i, :3]
+            shift_m = states[k, base, :3] + range_m * unit - states[k, i, :3]
+            if i == 0:
+                guess[:, 1:, :3] -= shift_m
+            else:
+                guess[:, i, :3] += shift_m
             yield guess
         if len(tried) == _DIRECTIONS:
             return

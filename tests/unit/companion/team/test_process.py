@@ -83,7 +83,7 @@ def news(now_ns: int) -> News:
 async def test_it_answers_each_second_and_the_status_has_every_robot() -> None:
     async with running(news) as (team, kept, _):
         assert team.status()["robots"] == {} and team.status()["age_s"] is None
-        await until(lambda: len(kept.states) >= 3 and kept.states[-1].sightings > 0)
+        await until(lambda: bool(kept.states and kept.states[-1].sightings and team.status()["robots"]))
         status = team.status()
         assert list(status["robots"]) == ["two", "three"]
         assert status["robots"]["two"]["sightings"] > 0 == status["robots"]["three"]["sightings"]
