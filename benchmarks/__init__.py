@@ -1,7 +1,7 @@
 """Measurements, run by `make bench`: ratios against a named baseline of the same run.
 
 What ours is compared with stands here too, and tests use it: `far_field` (plane waves alone, `refinement` of its peak),
-`oracle` (a profile by its definition), `sliding` (running sums of a window), `feit_encoder` (reports of an AX card).
+`oracle` (a profile by its definition), `sliding` (running sums of a window).
 """
 
 import os

@@ -16,7 +16,6 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from benchmarks.feit_encoder import encode_record
 from benchmarks.timing import best_s
 from companion.config.schema import Config, CsiConfig, NeighbourConfig
 from companion.core.clock import NS_PER_S, MonotonicClock
@@ -29,6 +28,7 @@ from companion.replay.recorded import RecordedCsi, ReplayClock
 from companion.sensing.window import SarWindow
 from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.message import decode_event, encode_event
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, FeitRecord

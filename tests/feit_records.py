@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.log import FeitLog, parse_log
 from csi_bridge.feitcsi.rate import Format, Rate
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
@@ -22,6 +22,14 @@ CAPTURES: Final = DATA / "feitcsi"
 needs_captures = pytest.mark.skipif(not CAPTURES.is_dir(), reason=f"no FeitCSI captures at {CAPTURES}")
 MAC = bytes.fromhex("0016ea123456")
 _WIDTHS: Final = (20, 40, 80, 160)
+KINDS: Final = [
+    (Format.OFDM, 20),
+    (Format.HT, 20),
+    (Format.HT, 40),
+    (Format.VHT, 40),
+    (Format.VHT, 80),
+    (Format.HE, 40),
+]
 
 
 def rate_word(kind: Format, width_mhz: int) -> int:

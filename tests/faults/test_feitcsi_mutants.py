@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.message import decode_event, encode_event
 from csi_bridge.feitcsi.parser import FeitLogParser, parse_record
 from csi_bridge.feitcsi.rate import Format

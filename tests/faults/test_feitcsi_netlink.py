@@ -9,7 +9,7 @@ import socket
 
 import pytest
 
-from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.message import encode_event
 from csi_bridge.feitcsi.netlink import (
     VendorEventFeeder,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import HEADER_BYTES
 from csi_bridge.replay import Tape, play, read_tape
 from tests.csi_bytes import changed, later

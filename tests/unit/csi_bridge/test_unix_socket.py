@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.feit_encoder import encode_record
 from csi_bridge.connector import encode_message
 from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from csi_bridge.source import CsiSource

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from benchmarks.feit_encoder import encode_record
 from companion.cli import program
 from companion.errors import CompanionError
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.rate import Format
 from tests import csi_records, feit_records
 from tests.csi_records import log_of, needs_data

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.feit_encoder import encode_record
 from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sim.radio import simulate_exchanges
 from companion.sim.scenario import RadioScenario
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.channel import thinned
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.feit_encoder import encode_record
 from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
 from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sensing.window import SarWindow
 from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
 from tests import csi_records, feit_records

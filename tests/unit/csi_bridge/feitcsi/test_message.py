@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.feit_encoder import encode_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.message import decode_event, encode_event
 from csi_bridge.feitcsi.rate import Format
 from csi_bridge.records import CsiError

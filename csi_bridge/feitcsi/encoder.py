@@ -1,4 +1,8 @@
-"""FeitCSI records to bytes: the exact inverse of the parser, since no driver is here to write them."""
+"""FeitCSI records to bytes: the exact inverse of the parser, for the radio simulator and for whoever writes a log.
+
+A log is one encoded record behind the other. A record that was read is written with every byte it came with, those
+without a known meaning too; one that was made begins with a header of zeros.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from csi_bridge.encoder import EncodeError
-from csi_bridge.feitcsi.parser import FIELDS, record_size
+from csi_bridge.feitcsi.parser import record_size
 from csi_bridge.feitcsi.records import HEADER_BYTES, FeitRecord
 from csi_bridge.records import CsiError
 
@@ -31,7 +35,7 @@ def encode_record(record: FeitRecord) -> bytes:
         raise EncodeError(f"a header field does not fit its width: {error}") from None
     except CsiError as error:
         raise EncodeError(error.reason) from None
-    assert size == len(header) + len(data) and FIELDS.size == 96
+    assert size == len(header) + len(data)
     return bytes(header) + data
 
 
