@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.aperture import Aperture
+from wsr.first_path import first_path, is_wide
+from wsr.ofdm import known
 from wsr.reciprocity import ChainLimits, chain_quarters, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 
@@ -32,11 +34,14 @@ def without_half_turns(aperture: Aperture) -> Aperture:
     if aperture.forward is None or aperture.reverse is None:
         return replace(aperture, half_turns=False)
     folded = fold(aperture.forward, aperture.reverse, aperture.grid)
-    field = without_delay(folded.channel, half_jitter_rad(aperture, folded.centre), aperture.grid)
+    field, on = without_delay(folded.channel, half_jitter_rad(aperture, folded.centre), aperture.grid), aperture.grid
+    if is_wide(on):
+        # Where echoes fade, all paths together do not tell the roots; the first one alone does.
+        field, on = first_path(field, on), known(1)
     wave_m = aperture.wavelength_m
     limits = ChainLimits(_FAR_WAVELENGTHS * wave_m, _NEAR_WAVELENGTHS * wave_m, gate=False)
     clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
-    quarters = chain_quarters(field, clock_s, aperture.chi_m, limits, aperture.grid)[0]
+    quarters = chain_quarters(field, clock_s, aperture.chi_m, limits, on)[0]
     # h turned by n quarters is h^2 times (-1)^n, which is a sign of one of both ends.
     sign = np.where(quarters % 2 == 0, 1.0, -1.0)
     return replace(

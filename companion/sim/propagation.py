@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -27,13 +28,27 @@ _STEPS: Final = np.diff(SUBCARRIER_INDICES).astype(int).tolist()
 _PARALLEL: Final = 1e-9
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Subcarriers at whole multiples (S,) of a spacing, rising."""
+
+    index: npt.NDArray[np.int64]
+    step_hz: float
+
+    @property
+    def hz(self) -> Array:
+        """From the channel's centre."""
+        return np.asarray(self.index * self.step_hz, np.float64)
+
+
 def carrier_hz(channel: int) -> float:
     """Centre of a channel in the 5 GHz band: 5000 + 5 * channel MHz."""
     return 5e9 + 5e6 * channel
 
 
-def propagate(tx_enu_m: Array, rx_enu_m: Array, radio: RadioScenario) -> ComplexArray:
-    """Channel gain (N, 30, R) from tx_enu_m (N, 3) to rx_enu_m (N, R, 3), both isotropic.
+def propagate(tx_enu_m: Array, rx_enu_m: Array, radio: RadioScenario, lattice: Lattice | None = None) -> ComplexArray:
+    """Channel gain (N, S, R) from tx_enu_m (N, 3) to rx_enu_m (N, R, 3), both isotropic, at the subcarriers of a 5300
+    (S = 30) or of `lattice`.
 
     H(f) = sum over paths of a * lambda / (4 pi d) * exp(-j 2 pi f d / c) (Friis), with one path to the transmitter
     itself and one to each of its mirror images, and
@@ -49,7 +64,23 @@ def propagate(tx_enu_m: Array, rx_enu_m: Array, radio: RadioScenario) -> Complex
     if radio.scatterers:
         scattered_m, share_per_m = _scattered(tx_enu_m, rx_enu_m, radio.scatterers)
         d_m, amplitude = np.concatenate([d_m, scattered_m]), np.concatenate([amplitude, friis_m * share_per_m])
+    if lattice is not None:
+        return _over_lattice(amplitude, d_m, centre_hz, lattice)
     return _over_subcarriers(amplitude, d_m, centre_hz)
+
+
+def _over_lattice(amplitude: ComplexArray, d_m: Array, centre_hz: float, lattice: Lattice) -> ComplexArray:
+    """(N, S, R): the sum over paths (P, N, R). With k = first + rows a + b every wave is a product of one factor for a
+    and one for b, so that the sum over paths is a product of two matrices."""
+    first, count = int(lattice.index[0]), int(lattice.index[-1] - lattice.index[0]) + 1
+    rows = math.isqrt(count) + 1
+    turn = (-2j * math.pi * lattice.step_hz / LIGHT_M_S) * np.moveaxis(d_m, 0, -1)[..., None]
+    start = amplitude * np.exp((-2j * math.pi * centre_hz / LIGHT_M_S) * d_m)
+    coarse = np.moveaxis(start, 0, -1)[..., None] * np.exp(turn * (first + rows * np.arange(-(-count // rows))))
+    fine = np.exp(turn * np.arange(rows))
+    waves = np.swapaxes(coarse, -1, -2) @ fine
+    whole = waves.reshape(*waves.shape[:2], -1)
+    return np.ascontiguousarray(np.swapaxes(whole[..., lattice.index - first], 1, 2))
 
 
 def _over_subcarriers(amplitude: ComplexArray, d_m: Array, centre_hz: float) -> ComplexArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -44,14 +44,19 @@ class Scatterer:
 class RadioScenario:
     """The radio link. Defaults are like the real captures: see the design notes on each effect."""
 
+    card: Literal["5300", "ax210"] = "5300"
+    """Of both robots; see `ax210_radio`."""
+    width_mhz: Literal[20, 40, 80, 160] = 20
+    """Of an ax210's packets, in the format HE."""
     channel: Annotated[int, Meta(ge=36, le=177)] = 108
+    """5000 MHz + 5 MHz times this is the centre, whatever the width."""
     exchange_rate_hz: Annotated[float, Meta(ge=1, le=2000)] = 150.0
     loss_probability: Fraction = 0.05
     """Of a record, at each end independently."""
     tx_power_dbm: float = 5.0
     """Both ends, antenna gains included."""
     noise_dbm: float = -92.0
-    """Thermal noise in 20 MHz with the receiver's noise figure."""
+    """Thermal noise in 20 MHz with the receiver's noise figure; a wider packet has as much more of it."""
     direct_gain: Fraction = 1.0
     """Amplitude of the direct path against free space; below 1 something stands in the way."""
     shadowing_db: NotNegative = 0.0
@@ -69,6 +74,18 @@ class RadioScenario:
     turnaround_outlier_probability: Fraction = 0.03
     detection_delay_s: NotNegative = 200e-9
     detection_delay_std_s: NotNegative = 25e-9
+
+
+def ax210_radio(radio: RadioScenario, width_mhz: Literal[20, 40, 80, 160]) -> RadioScenario:
+    """The same room with AX cards: answers come from user space, a millisecond after the ping and jittered."""
+    return replace(
+        radio,
+        card="ax210",
+        width_mhz=width_mhz,
+        turnaround_s=1e-3,
+        turnaround_jitter_s=100e-6,
+        turnaround_outlier_s=1e-3,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,9 +11,11 @@ from wsr.aperture import MIN_LENGTH_WAVELENGTHS, MIN_PACKETS, Aperture, spans
 from wsr.channel import bounded_amplitude
 from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
+from wsr.first_path import first_path, is_wide
+from wsr.half_turns import half_jitter_rad
 from wsr.ofdm import Grid, known
 from wsr.path_bins import Bins, path_bins
-from wsr.reciprocity import ChainLimits, Folded, chain, fold, without_delay
+from wsr.reciprocity import ChainLimits, Folded, chain, chain_quarters, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 
 Array = NDArray[np.float64]
@@ -43,7 +45,11 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     """From packets to bins: jitter, one-way channel, signs, gates, bins. Raises ApertureError if too little is left."""
     folded = _folded(aperture)
     agreement = folded.reciprocity
-    jitter_rad, offset_hz = _jitter_phase(aperture, folded.centre, options)
+    by_delay = takes_first_path(aperture, options)
+    if by_delay and aperture.half_turns:
+        jitter_rad, offset_hz = 2 * half_jitter_rad(aperture, folded.centre), 0.0
+    else:
+        jitter_rad, offset_hz = _jitter_phase(aperture, folded.centre, options)
     clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
     keep = np.ones(aperture.packets, np.bool_)
     segment, sign = np.zeros(aperture.packets, np.int64), np.ones(aperture.packets, np.float32)
@@ -53,14 +59,22 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     wavelength_m = aperture.wavelength_m
     if options.one_way:
         channel = without_delay(folded.channel, jitter_rad / 2, aperture.grid)
+        if by_delay:
+            channel = first_path(channel, aperture.grid)
         used = np.flatnonzero(keep)
         limits = ChainLimits(
             far_m=options.far_wavelengths * wavelength_m,
             near_m=options.near_wavelengths * wavelength_m,
             gate=options.gate,
         )
-        signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits, aperture.grid)
-        sign[used] = signs
+        grid = known(1) if by_delay else aperture.grid
+        if by_delay and aperture.half_turns:
+            # The four roots, told by one path alone: where echoes fade, all together do not tell them.
+            quarters, fits, number = chain_quarters(channel[used], clock_s[used], aperture.chi_m[used], limits, grid)
+            channel[used] *= np.power(1j, quarters)[:, None].astype(np.complex64)
+        else:
+            signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits, grid)
+            sign[used] = signs
         keep[used] = fits
         segment[used] = number
     else:
@@ -68,7 +82,8 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         wavelength_m = wavelength_m / 2
     if not options.wideband:
         channel = channel.mean(axis=1, keepdims=True)
-    amplitude = folded.amplitude / max(float(np.median(folded.amplitude)), 1e-12)
+    came = np.abs(channel[:, 0]) * folded.amplitude if by_delay else folded.amplitude
+    amplitude = came / max(float(np.median(came)), 1e-12)
     channel = _levelled(channel, sign * counted_amplitude(amplitude, options))
     _check_kept(aperture, keep)
     length_m = options.bin_wavelengths * aperture.wavelength_m if options.path_bins else None
@@ -77,13 +92,24 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     dropped = {"ends disagree": disagree, "phase step": unfit}
     return Prepared(
         bins=bins,
-        grid=aperture.grid if options.wideband else known(1),
+        grid=aperture.grid if options.wideband and not by_delay else known(1),
         wavelength_m=wavelength_m,
         dropped={reason: count for reason, count in dropped.items() if count},
         reciprocity=float(np.median(agreement)),
         offset_hz=offset_hz,
         bin_t_s=bins.means(aperture.t_s),
         amplitude=amplitude,
+    )
+
+
+def takes_first_path(aperture: Aperture, options: RobustOptions) -> bool:
+    """Whether the band is wide enough, and known enough, to leave out what comes later."""
+    return bool(
+        options.first_path
+        and options.one_way
+        and options.wideband
+        and aperture.forward is not None
+        and is_wide(aperture.grid)
     )
 
 

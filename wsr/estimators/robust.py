@@ -15,7 +15,7 @@ from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
 from wsr.estimators.description import without_image
 from wsr.estimators.options import RobustOptions
-from wsr.estimators.preparation import Prepared, prepare
+from wsr.estimators.preparation import Prepared, prepare, takes_first_path
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
 from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
 from wsr.geometry import direction, wrap_angle
@@ -71,7 +71,8 @@ class Robust:
     def estimate(self, aperture: Aperture) -> tuple[AoaEstimate, Profile]:
         """The estimate and a picture: the fused score over the sphere, or, of a level path, which has no more to say
         than its azimuths, the far-field power of the channel centre. Raises ApertureError."""
-        aperture = without_half_turns(aperture)
+        if not takes_first_path(aperture, self.options):
+            aperture = without_half_turns(aperture)
         prepared = prepare(aperture, self.options)
         found = find(prepared, self.options)
         if found.level:
