@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -55,6 +55,13 @@ class CsiLog:
     """Sound CSI records that were not wanted."""
     left_out_s: tuple[float, float] | None = None
     """First and last host time of those."""
+    subcarrier_hz: npt.NDArray[np.float64] | None = None
+    """(S,) from the channel's centre, where the records are an AX card's: `csi` then is (N, S, 2, 1), thinned, and each
+    chain's sign is random (docs/cards.md)."""
+    fine_us: npt.NDArray[np.float64] | None = None
+    """(N,) unwrapped times on such a card's own clock, to 3.125 ns."""
+    other_kinds: Mapping[str, int] = field(default_factory=dict)
+    """Records of an AX card that are of another format or width than most, and left out."""
 
     def __len__(self) -> int:
         return len(self.layout)

@@ -15,6 +15,7 @@ _CENTRES_WIDE = frozenset(
 )
 """Numbers that name the middle of 40, 80 or 160 MHz."""
 
+WIDTHS_MHZ = (20, 40, 80, 160)
 _COUNTER_MODULUS = 2**32
 _SLOPE_STEPS = 3
 
@@ -40,6 +41,32 @@ def channel_frequency_hz(channel: int) -> float:
 def wavelength_m(channel: int) -> float:
     """Wavelength at the centre of a 5 GHz channel, in metres. Raises ValueError as `channel_frequency_hz`."""
     return SPEED_OF_LIGHT_M_S / channel_frequency_hz(channel)
+
+
+def wide_channel(channel: int, width_mhz: int) -> int:
+    """The number of the centre of the 20, 40, 80 or 160 MHz that a channel of `CHANNELS_5GHZ` is part of. Raises
+    ValueError for a channel that is none, or part of no such band."""
+    channel_frequency_hz(channel)
+    first = 149 if channel >= 149 else 100 if channel >= 100 else 36
+    count = width_mhz // 20
+    block = (channel - first) // 4 // count
+    low = first + 4 * count * block
+    if low + 4 * (count - 1) not in CHANNELS_5GHZ:
+        raise ValueError(f"channel {channel} is part of no band of {width_mhz} MHz")
+    return low + 2 * (count - 1)
+
+
+def width_mhz(grid: Grid) -> int:
+    """Of the band that subcarriers on `grid` fill."""
+    return next((width for width in WIDTHS_MHZ if grid.bandwidth_hz <= width * 1e6), WIDTHS_MHZ[-1])
+
+
+def band_wavelength_m(channel: int, grid: Grid | None) -> float:
+    """Wavelength at the centre of the band of `grid` around a 20 MHz channel, of which it is part; without a grid, or
+    over 20 MHz, that of the channel. Raises ValueError as `wide_channel`."""
+    if grid is None or width_mhz(grid) == WIDTHS_MHZ[0]:
+        return wavelength_m(channel)
+    return SPEED_OF_LIGHT_M_S / ((5000.0 + 5.0 * wide_channel(channel, width_mhz(grid))) * 1e6)
 
 
 def centre_channel(csi: ArrayLike, grid: Grid | None = None) -> Complex:

@@ -66,9 +66,9 @@ class _Responses:
 
     def __init__(self, grid: Grid) -> None:
         lobe_s = 1 / grid.bandwidth_hz
-        self.step_s = lobe_s / _STEPS_A_LOBE
-        self.lobe_s = lobe_s
-        self.at_s = self.step_s * np.arange(math.ceil(_EARLIEST_S / self.step_s), _LATEST_S / self.step_s)
+        self.step_s: float = lobe_s / _STEPS_A_LOBE
+        self.lobe_s: float = lobe_s
+        self.at_s: Array = self.step_s * np.arange(math.ceil(_EARLIEST_S / self.step_s), _LATEST_S / self.step_s)
         across = grid.hz / (1.02 * grid.bandwidth_hz)
         cosine = np.cos(math.pi * across)
         self.taper = cosine**2 / (cosine**2).sum()
@@ -135,4 +135,4 @@ def _taken_at(power_db: Array, responses: _Responses) -> float:
     path_s = min(float(at_s[first]), edge_s + responses.edge_s)
     heard = np.flatnonzero((at_s <= path_s) & (power_db < floor_db + _ABOVE_NOISE_DB))
     quiet_s = float(at_s[heard[-1]]) + step_s if len(heard) else float(at_s[0])
-    return min(max(path_s - _EARLY * responses.lobe_s, quiet_s), path_s)
+    return float(min(max(path_s - _EARLY * responses.lobe_s, quiet_s), path_s))

@@ -28,6 +28,8 @@ _LEAST = np.float32(1e-18)
 # time constant: a few packets, and much less than a robot needs to turn.
 _RATE_TIME_S = 0.03
 _MAX_SKIPPED = 3
+# Over a gap this short the rate tells the root of four, however far the robot went: at 3 m/s2 it errs by 2.4 mm.
+_FORETOLD_S = 0.04
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -334,9 +336,15 @@ def _chain(
         moved2 = 0.0
         for axis in range(3):
             moved2 += (p_m[i, axis] - p_m[last, axis]) ** 2
-        if moved2 > far_m**2 or (moved2 > near_m**2 and q.real * likeness < min_cosine):
+        is_far = moved2 > far_m**2 and not (roots == 4 and dt < _FORETOLD_S)
+        if is_far or (moved2 > near_m**2 and q.real * likeness < min_cosine):
             number += 1
-            current, rate = 0, 0.0
+            current = 0
+            if roots == 4:
+                # Without its rate the next packet, too, would lie too far off, and so on.
+                rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt
+            else:
+                rate = 0.0
         else:
             current = (current - turned) % 4
             rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt

@@ -141,6 +141,8 @@ def _joined(scene: RunScene, name: str, path: Path, given_mac: str | None) -> _J
             forward=exchanges.forward[inside],
             reverse=exchanges.reverse[inside],
             nic_us=exchanges.nic_us[inside],
+            subcarrier_hz=None if exchanges.grid is None else exchanges.grid.hz,
+            half_turns=exchanges.half_turns,
         )
     except (CompanionError, ApertureError) as error:
         return _Joined(replace(result, problem=str(error)))

@@ -10,14 +10,17 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from companion.analysis.by_time import pair_by_card_time
 from companion.analysis.runs import KNOWN_TRANSMITTERS
 from companion.errors import CompanionError
 from csi_bridge.clock import host_times_s
 from csi_bridge.dat import CsiLog, read_dat
 from csi_bridge.dat_frames import DatFileError
 from csi_bridge.dat_wanted import Wanted
+from csi_bridge.feitcsi.csi_log import is_feitcsi_file, read_csi_log
 from csi_bridge.scaling import are_40mhz, without_spatial_mapping
 from wsr.channel import centre_channel, pair_by_counter, pair_by_time, strongest_antenna
+from wsr.ofdm import Grid, grid
 from wsr.reduced import as_sent
 
 UNPAIRED: Final = "unpaired"
@@ -63,6 +66,9 @@ class Exchanges:
     reverse: npt.NDArray[np.complex64]
     nic_us: npt.NDArray[np.float64]
     """(K, 2) unwrapped stamps of both cards, the receiving robot's first."""
+    grid: Grid | None = None
+    """Of both channels; None for a 5300's."""
+    half_turns: bool = False
     packets: int
     """Records of this transmitter in the receiver's log."""
     dropped: dict[str, int]
@@ -80,10 +86,10 @@ class PacketTimes:
 
 
 def read_log(path: Path, wanted: Wanted | None = None) -> CsiLog:
-    """The log at `path`, or what is `wanted` of it, with its errors as the command line shows them. Raises
-    ExchangeError."""
+    """The log at `path`, of whichever card, or what is `wanted` of it, with its errors as the command line shows them.
+    Raises ExchangeError."""
     try:
-        return read_dat(path, wanted)
+        return read_csi_log(path, wanted) if is_feitcsi_file(path) else read_dat(path, wanted)
     except DatFileError as error:
         raise ExchangeError(str(error)) from None
 
@@ -92,6 +98,8 @@ def damage(log: CsiLog) -> Iterator[str]:
     """Says what of the log could not be read."""
     if log.malformed_count or log.skipped_bytes:
         yield f"{log.path}: {log.malformed_count} malformed records, {log.skipped_bytes} bytes skipped"
+    for kind, count in log.other_kinds.items():
+        yield f"{log.path}: {count} records of {kind} are left out, most are of another format or width"
 
 
 def senders(log: CsiLog) -> dict[str, int]:
@@ -140,6 +148,7 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     At each end the antenna with the most power is used. The transmitter's channels are `reduced` to what its datagrams
     would have brought, or as its card reported them. Raises ExchangeError, also for logs of different runs.
     """
+    on = _common_grid(rx, tx)
     heard, answered = np.flatnonzero(rx.mac == mac), np.flatnonzero(tx.mac == receiver_mac(rx, tx))
     ours, theirs = heard[~are_40mhz(rx.rate[heard])], answered[~are_40mhz(tx.rate[answered])]
     if not len(ours) or not len(theirs):
@@ -153,6 +162,8 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     if np.all(rx.frame_count[ours] >= 0) and np.all(tx.frame_count[theirs] >= 0):
         i, j = pair_by_counter(rx.frame_count[ours], tx.frame_count[theirs])
         dropped[DUPLICATE] = _duplicates(rx.frame_count[ours], tx.frame_count[theirs])
+    elif rx.fine_us is not None and tx.fine_us is not None:
+        i, j = pair_by_card_time(rx.fine_us[ours], tx.fine_us[theirs])
     else:
         # Ping first: the transmitter hears it before the receiver hears the answer. Host clocks agree in such logs.
         j, i = pair_by_time(tx.host_time_s[theirs], rx.host_time_s[ours], _MIN_LAG_S, _MAX_LAG_S)
@@ -167,10 +178,10 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     _check_same_run(rx, t_s, tx, tx_t_s)
     forward, reverse = _strongest(rx, ours, i), _strongest(tx, theirs, j)
     if reduced:
-        reverse = as_sent(reverse)
-    centre_forward, centre_reverse = centre_channel(forward), centre_channel(reverse)
+        reverse = as_sent(reverse, on)
+    centre_forward, centre_reverse = centre_channel(forward, on), centre_channel(reverse, on)
     strong = (np.abs(centre_forward) >= _WEAK_COUNTS) & (np.abs(centre_reverse) >= _WEAK_COUNTS)
-    stamps_us = np.stack([rx.timestamp_low_us[ours[i]], tx.timestamp_low_us[theirs[j]]], axis=1).astype(np.float64)
+    stamps_us = np.stack([_stamps_us(rx)[ours[i]], _stamps_us(tx)[theirs[j]]], axis=1)
     dropped[WEAK] = int(np.count_nonzero(~strong))
     if not np.any(strong):
         log = rx if not np.any(np.abs(centre_forward) >= _WEAK_COUNTS) else tx
@@ -181,10 +192,28 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
         channel=(centre_forward * centre_reverse)[strong],
         forward=forward[strong],
         reverse=reverse[strong],
-        nic_us=np.unwrap(stamps_us, axis=0, period=float(1 << 32))[strong],
+        nic_us=stamps_us[strong] if on is not None else np.unwrap(stamps_us, axis=0, period=float(1 << 32))[strong],
         packets=len(heard),
         dropped={reason: count for reason, count in dropped.items() if count},
+        grid=on,
+        half_turns=on is not None,
     )
+
+
+def _common_grid(rx: CsiLog, tx: CsiLog) -> Grid | None:
+    """Of the subcarriers of both logs; None for a 5300's. Raises ExchangeError where they differ."""
+    if rx.subcarrier_hz is None and tx.subcarrier_hz is None:
+        return None
+    if rx.subcarrier_hz is None or tx.subcarrier_hz is None or not np.array_equal(rx.subcarrier_hz, tx.subcarrier_hz):
+        raise ExchangeError(
+            f"{rx.path.name} and {tx.path.name} are of different cards or widths: the two directions of an exchange "
+            "can be joined only over the same subcarriers"
+        )
+    return grid(rx.subcarrier_hz)
+
+
+def _stamps_us(log: CsiLog) -> npt.NDArray[np.float64]:
+    return log.timestamp_low_us.astype(np.float64) if log.fine_us is None else log.fine_us
 
 
 def heard_s(rx: CsiLog, mac: str) -> Times:

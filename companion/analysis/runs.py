@@ -1,7 +1,8 @@
 """Recorded runs on disk: which files belong together, in the layouts of the WSR data sets or given one by one.
 
 A run is named by the time stamp in its file names: `csi_rx_<stamp>.dat` at the receiving robot, `csi_tx<n>_<stamp>.dat`
-at each transmitter, `rx_trajectory_<stamp>_.csv` (motion capture), `t265_rx_trajectory...` and `odom_rx_trajectory...`.
+at each transmitter (or `.csi`, as logs of an AX card are called), `rx_trajectory_<stamp>_.csv` (motion capture),
+`t265_rx_trajectory...` and `odom_rx_trajectory...`.
 Trajectories may stand in a folder beside that of the CSI, and `groundtruth_positions.json` above both.
 """
 
@@ -37,7 +38,7 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 """The radio cards of the WSR data sets."""
 TRUTH_NAME: Final = "groundtruth_positions.json"
 _MAX_TRUTH_BYTES: Final = 10_000_000
-_CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.dat")
+_CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.(?:dat|csi)")
 _TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
 
@@ -178,7 +179,7 @@ def _folders(root: Path) -> Iterator[Path]:
 
 def _runs_of(folder: Path) -> list[Run]:
     files: dict[str, dict[str, Path]] = {}
-    for path in sorted(folder.glob("csi_*.dat")):
+    for path in sorted([*folder.glob("csi_*.dat"), *folder.glob("csi_*.csi")]):
         match = _CSI_NAME.fullmatch(path.name)
         if match:
             files.setdefault(match[2], {})[match[1]] = path

@@ -19,8 +19,9 @@ from companion.errors import CompanionError
 from csi_bridge.clock import host_step
 from csi_bridge.dat import CsiLog
 from csi_bridge.dat_wanted import Wanted
-from wsr.channel import wavelength_m
+from wsr.channel import band_wavelength_m
 from wsr.displacement import antenna_positions, interpolate
+from wsr.ofdm import grid
 
 MAX_POSE_GAP_S: Final = 0.25
 _MARGIN_S: Final = 60.0
@@ -97,7 +98,7 @@ def read_scene(
     if channel is None:
         raise RecordingError(f"{run.folder}: the WiFi channel is not known; give --channel (108 in the WSR data sets)")
     try:
-        wavelength = wavelength_m(channel)
+        wavelength = band_wavelength_m(channel, None if rx.subcarrier_hz is None else grid(rx.subcarrier_hz))
     except ValueError as error:
         raise RecordingError(f"{run.folder}: {error}") from None
     p_antenna_m = _antenna(trajectory, lever_of(kind, options))
@@ -141,7 +142,9 @@ def _read_both(
 
 def _of_tx(rx: CsiLog) -> Wanted:
     """Of a transmitter's log, whose clock is another: the same exchanges by counter, and some beyond; by time where
-    there are no counters, since then the clocks agree."""
+    there are no counters, since then the clocks agree; all of an AX card, which has neither."""
+    if rx.fine_us is not None:
+        return Wanted()
     if np.all(rx.frame_count >= 0):
         first, last = np.quantile(rx.frame_count, (0.001, 0.999))
         return Wanted(counters=(int(first) - _MARGIN_COUNTS, int(last) + _MARGIN_COUNTS))
@@ -179,7 +182,8 @@ def check_clock(log: CsiLog, trajectory: RecordedTrajectory) -> None:
 def _check_overlap(trajectory: RecordedTrajectory, rx: CsiLog) -> None:
     packet_t_s, path = rx.host_time_s, rx.path
     if not np.all(np.isfinite(packet_t_s)):
-        raise RecordingError(f"{path}: its records have no host time (stock driver), so no trajectory can be joined")
+        which = "stock driver" if rx.fine_us is None else "FeitCSI's driver left it zero"
+        raise RecordingError(f"{path}: its records have no host time ({which}), so no trajectory can be joined")
     spans = [] if rx.left_out_s is None else list(rx.left_out_s)
     if len(packet_t_s) == 0 and not spans:
         raise RecordingError(f"{path}: no CSI records")

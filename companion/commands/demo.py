@@ -18,6 +18,7 @@ from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
 from companion.sim.sample import write_sample
 from companion.sim.scenes import SCENES
+from companion.sim.stage import Card
 
 _PIPE_WIDTH = 140
 
@@ -42,15 +43,29 @@ _PIPE_WIDTH = 140
     type=click.Path(file_okay=False, path_type=Path),
     help="Fly nothing: write a simulated recording into this folder, to try `companion analyze` on.",
 )
+@click.option(
+    "--card",
+    type=click.Choice(["5300", "ax210"]),
+    default="5300",
+    show_default=True,
+    help="Card of both robots; an ax210's packets are 80 MHz wide, without frame counters.",
+)
 def demo(
-    seed: int, max_time: float, out: Path, scene: str | None, gps: bool, json_path: Path | None, recording: Path | None
+    seed: int,
+    max_time: float,
+    out: Path,
+    scene: str | None,
+    gps: bool,
+    json_path: Path | None,
+    recording: Path | None,
+    card: Card,
 ) -> None:
     """A drone finds a ground robot: real MAVLink, UDP, netlink and processes; simulated card, camera and vehicle.
 
     Exit code 0 only when the drone came within 2 m of the robot.
     """
     if recording is not None:
-        azimuth_deg, elevation_deg = write_sample(recording, seed)
+        azimuth_deg, elevation_deg = write_sample(recording, seed, 80 if card == "ax210" else None)
         where = f"azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg"
         click.echo(f"{recording}: the transmitter tx2 is at {where}")
         click.echo(f"now: companion analyze {recording}")
@@ -62,7 +77,7 @@ def demo(
     console = wide_console(_PIPE_WIDTH)
     with LiveTable(console) as table:
         try:
-            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps, scene))
+            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps, scene, card))
         except asyncio.CancelledError:
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)
@@ -110,4 +125,6 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
 def _transport(run: DemoRun) -> str:
     if run.stage.transport == "netlink":
         return "the kernel's netlink connector"
+    if run.stage.transport == "nl80211":
+        return "vendor events over the kernel's generic netlink"
     return f"a Unix datagram socket, because {run.stage.transport_reason}"

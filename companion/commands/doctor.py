@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ from companion.config.schema import Config
 from companion.diagnosis.autopilot import autopilot_checks
 from companion.diagnosis.camera import camera_checks
 from companion.diagnosis.card import card_checks
+from companion.diagnosis.coherence import rest_checks
 from companion.diagnosis.installation import installation_checks
 from companion.diagnosis.machine import machine_checks
 from companion.diagnosis.network import key_checks, network_checks
@@ -67,13 +69,15 @@ def system(config_path: Path, seconds: float, json_path: Path | None) -> None:
 @doctor.command()
 @_config
 @_seconds(5.0)
+@click.option("--rest", is_flag=True, help="Both robots stand still: also measure how well the cards keep their phase.")
 @_json
-def radio(config_path: Path, seconds: float, json_path: Path | None) -> None:
+def radio(config_path: Path, seconds: float, rest: bool, json_path: Path | None) -> None:
     """The card: bus, driver, connector, interface, channel, counters, antennas, packet rates, clock.
 
-    The service must not be running, or csi.source must be netlink.
+    The service must not be running, or csi.source must be netlink; with --rest that of the other robot must.
     """
-    _report(json_path, _radio(load_config(config_path), seconds))
+    config = load_config(config_path)
+    _report(json_path, chain(_radio(config, seconds), _at_rest(config, seconds) if rest else ()))
 
 
 @doctor.command()
@@ -176,6 +180,14 @@ def _heard(config: Config, seconds: float) -> list[Check]:
     except CompanionError as error:
         remedy = "is the service running on the same socket?" if config.csi.source == "unix" else ""
         return [Check("CSI source", False, str(error), remedy)]
+
+
+def _at_rest(config: Config, seconds: float) -> list[Check]:
+    try:
+        with _listening(seconds) as update:
+            return asyncio.run(rest_checks(config, seconds, update))
+    except CompanionError as error:
+        return [Check("phase at rest", None, f"not measured: {error}")]
 
 
 @contextmanager

@@ -43,7 +43,7 @@ async def network_checks(config: Config, seconds: float, status: dict[str, Any] 
     except CompanionError as error:
         return [Check("robots' network", False, str(error), "ip -br address lists interfaces and addresses")]
     try:
-        receiver = _receiver(config)
+        receiver = receiver_of(config)
         for _ in range(round(seconds / _LOOK_S)):
             for data in link.drain():
                 receiver.take(data)
@@ -61,7 +61,8 @@ async def network_checks(config: Config, seconds: float, status: dict[str, Any] 
     return checks + [_heard(peer, receiver, seconds) for peer in receiver.neighbours]
 
 
-def _receiver(config: Config) -> NeighbourReceiver:
+def receiver_of(config: Config) -> NeighbourReceiver:
+    """For every peer, with its key. Raises ConfigError."""
     keys = {peer.id: [read_key(config.path(peer.key_file))] for peer in config.peers}
     return NeighbourReceiver(config.id, {peer.id: peer.name for peer in config.peers}, keys, MonotonicClock())
 

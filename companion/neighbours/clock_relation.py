@@ -110,7 +110,7 @@ class ClockRelation:
         if not self._sent or min(len(ours_ns), len(theirs_ns)) < _LEAST:
             return None
         least_ns = max(sent for _, sent in self._sent) - _SLACK_NS
-        return _correlate(np.sort(ours_ns), np.sort(theirs_ns), least_ns, least_ns + _LONGEST_DELAY_NS)
+        return correlate(np.sort(ours_ns), np.sort(theirs_ns), least_ns, least_ns + _LONGEST_DELAY_NS)
 
     def offset(self, now_ns: int) -> Offset | None:
         """At `now_ns`; None before enough exchanges are shared.
@@ -194,7 +194,7 @@ def _covered(ours_ns: Times, theirs_ns: Times, lag_ns: int) -> int:
     return int(np.count_nonzero(nearest <= _COVER_NS))
 
 
-def _correlate(ours_ns: Times, theirs_ns: Times, least_ns: int, most_ns: int) -> int | None:
+def correlate(ours_ns: Times, theirs_ns: Times, least_ns: int, most_ns: int) -> int | None:
     """The lag at which most packets coincide.
 
     Pings are nearly periodic, so every period gives a lag at which most do. But what we heard is an answer to what they
@@ -213,8 +213,9 @@ def _correlate(ours_ns: Times, theirs_ns: Times, least_ns: int, most_ns: int) ->
     while len(found) < _CANDIDATES and smooth.max() >= max(_LEAST, len(ours_ns) // 2):
         best = int(smooth.argmax())
         near = lags[np.abs(lags - least_ns - (best + 0.5) * _BIN_NS) <= _MATCH_NS]
-        lag_ns = int(np.median(near))
-        found.append((_covered(ours_ns, theirs_ns, lag_ns) - len(match(ours_ns, theirs_ns, lag_ns)[0]), lag_ns))
+        if len(near):
+            lag_ns = int(np.median(near))
+            found.append((_covered(ours_ns, theirs_ns, lag_ns) - len(match(ours_ns, theirs_ns, lag_ns)[0]), lag_ns))
         smooth[max(0, best - 3 * _MATCH_BINS) : best + 3 * _MATCH_BINS + 1] = 0
     found.sort()
     if not found or (len(found) > 1 and found[1][0] - found[0][0] < max(_CLEAR, _CLEAR_SHARE * found[0][0])):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from companion.core.clock import NS_PER_S
 from companion.neighbours import wire
+from companion.neighbours.bands import OF_5300, grid_of
 from companion.neighbours.sightings import MAX_SIGHTINGS, Sighting
 from wsr.reduced import reduce_channel
 
@@ -27,7 +28,7 @@ _TOLD: Final = 2
 _SIGHTING_NS: Final = 30 * NS_PER_S
 """An older one is of no use."""
 
-_Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int]
+_Csi = tuple[int, int, int, npt.NDArray[np.complex64], int, int, int, int]
 
 
 class NeighbourSender:
@@ -82,13 +83,22 @@ class NeighbourSender:
         self._heard[robot] = sent_ns, arrived_ns
 
     def add_channel(
-        self, frame: int | None, t_ns: int, nic_us: int, csi: npt.NDArray[np.complex64], power_dbm: float, antenna: int
+        self,
+        frame: int | None,
+        t_ns: int,
+        nic_us: int,
+        csi: npt.NDArray[np.complex64],
+        power_dbm: float,
+        antenna: int,
+        band: int = OF_5300,
+        ticks: int = 0,
     ) -> None:
-        """Queues the channel (30,) of one packet; `frame` None where the driver gives no counter."""
+        """Queues the channel (S,) of one packet; `frame` None where the driver gives no counter. `band` says which
+        subcarriers these are, `ticks` is an AX card's fine clock."""
         self.dropped += len(self._csi) == self._csi.maxlen
         self._counted = frame is not None
         power = int(np.clip(round(power_dbm), -128, 127)) if np.isfinite(power_dbm) else -128
-        self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna))
+        self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna, band, ticks))
 
     def add_sighting(self, sighting: Sighting) -> None:
         """Queues a bearing that our own aperture gave."""
@@ -189,7 +199,8 @@ def _split(csi: deque[_Csi]) -> list[list[_Csi]]:
         first = parts[-1][0] if parts else None
         if (
             first is None
-            or len(parts[-1]) == wire.MAX_CSI
+            or row[6] != first[6]
+            or len(parts[-1]) == wire.most_channels(row[6])
             or (row[0] - first[0]) % (1 << 32) > wire.MAX_FRAME_STEP
             or (row[2] - first[2]) % (1 << 32) >= wire.NIC_SPAN_US
         ):
@@ -199,8 +210,9 @@ def _split(csi: deque[_Csi]) -> list[list[_Csi]]:
 
 
 def _batch(part: list[_Csi]) -> wire.CsiBatch:
-    frame, t_ns, nic_us, csi, power, antenna = zip(*part, strict=True)
-    coefficients, scale = reduce_channel(np.array(csi, np.complex64))
+    frame, t_ns, nic_us, csi, power, antenna, bands, ticks = zip(*part, strict=True)
+    band = bands[0]
+    coefficients, scale = reduce_channel(np.array(csi, np.complex64), grid_of(band))
     return wire.CsiBatch(
         frame=np.array(frame, np.uint32),
         t_ns=np.array(t_ns, np.int64),
@@ -209,4 +221,6 @@ def _batch(part: list[_Csi]) -> wire.CsiBatch:
         scale=scale,
         power_dbm=np.array(power, np.int8),
         antenna=np.array(antenna, np.uint8),
+        band=band,
+        ticks=None if band == OF_5300 else np.array(ticks, np.uint32),
     )

@@ -19,12 +19,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from companion.neighbours.bands import OF_5300, coefficients_of
 from companion.neighbours.columns import Values, pack, unpack
 from companion.neighbours.sightings import Sighting, packed_sightings, unpacked_sightings
 from wsr.reduced import COEFFICIENTS
 
 VERSION: Final = 4
 _WITHOUT_SIGHTINGS: Final = 3
+WIDE_VERSION: Final = 5
+"""Of datagrams with channels of an AX card: programs before it refuse these by that number."""
 MAX_POSES: Final = 25
 MAX_CSI: Final = 50
 MIN_KEY_BYTES: Final = 32
@@ -33,14 +36,22 @@ FRAME_BYTES: Final = 42
 
 _MAGIC: Final = b"WSRN"
 _HEADER: Final = struct.Struct("<4sBBHQQqBBBiiiIIIHII")
+_BAND: Final = struct.Struct("<BI")
+"""Behind the header in version 5: the band of the channels, and the sender's fine clock at the first of them."""
 _POSE_BITS: Final = (14, 2, 16, 16, 16)
 """Age [0.1 ms], confidence, position less that of the first [0.1 mm] plus 32768."""
 _COEFFICIENT_BITS: Final = 6
-_CSI_BITS: Final = (2, 8, 8, *(_COEFFICIENT_BITS,) * COEFFICIENTS)
-"""Antenna, scale, power plus 128, and the coefficients, two rows of each for every channel, plus 32."""
-_PER_CHANNEL: Final = len(_CSI_BITS) - COEFFICIENTS
+_ROW_BITS: Final = (2, 8, 8)
+"""Antenna, scale, power plus 128; behind them the coefficients, two rows of each for every channel, plus 32."""
 _STEP_BITS: Final = (8, 22)
 """Counter and card's stamp [us], each less that of the channel before, from the second channel on."""
+_FINE_STEP_BITS: Final = (31,)
+"""In version 5: the fine clock [3.125 ns] likewise; there are no counters."""
+_TICKS_PER_US: Final = 320
+_MOST_BYTES: Final = 1400
+"""Of a datagram: one that no network has to cut."""
+_BESIDES_BYTES: Final = 470
+"""What poses and bearings take of it."""
 TAG_BYTES: Final = 16
 OVERHEAD_BYTES: Final = _HEADER.size + TAG_BYTES
 _METRES_PER_UNIT: Final = 1e-4
@@ -101,13 +112,18 @@ class CsiBatch:
     scale: npt.NDArray[np.uint8]
     power_dbm: npt.NDArray[np.int8]
     antenna: npt.NDArray[np.uint8]
+    band: int = OF_5300
+    """Of all of them, as of `companion.neighbours.bands`; `coefficients` are (N, C, 2) with as many as it has."""
+    ticks: npt.NDArray[np.uint32] | None = None
+    """Of the sender's fine clock of 3.125 ns, where the band is an AX card's."""
 
     def __len__(self) -> int:
         return len(self.frame)
 
     def rows(self, chosen: npt.NDArray[np.intp]) -> CsiBatch:
         """Some of the channels."""
-        return CsiBatch(**{name: getattr(self, name)[chosen] for name in CsiBatch.__slots__})
+        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        return CsiBatch(**arrays, band=self.band, ticks=None if self.ticks is None else self.ticks[chosen])
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +158,9 @@ class Datagram:
     sightings: tuple[Sighting, ...] = ()
 
 
+_ARRAYS: Final = ("frame", "t_ns", "nic_us", "coefficients", "scale", "power_dbm", "antenna")
+
+
 def empty_csi() -> CsiBatch:
     u32, u8 = np.zeros(0, np.uint32), np.zeros(0, np.uint8)
     return CsiBatch(
@@ -156,17 +175,22 @@ def empty_csi() -> CsiBatch:
 
 
 def joined(batches: Sequence[CsiBatch]) -> CsiBatch:
-    """One batch of several, in their order."""
-    parts = [empty_csi(), *batches]
-    return CsiBatch(
-        frame=np.concatenate([b.frame for b in parts]),
-        t_ns=np.concatenate([b.t_ns for b in parts]),
-        nic_us=np.concatenate([b.nic_us for b in parts]),
-        coefficients=np.concatenate([b.coefficients for b in parts]),
-        scale=np.concatenate([b.scale for b in parts]),
-        power_dbm=np.concatenate([b.power_dbm for b in parts]),
-        antenna=np.concatenate([b.antenna for b in parts]),
-    )
+    """One batch of several, in their order; of the newest one's band."""
+    filled = [batch for batch in batches if len(batch)]
+    if not filled:
+        return empty_csi()
+    same = [batch for batch in filled if batch.band == filled[-1].band]
+    arrays = {name: np.concatenate([getattr(batch, name) for batch in same]) for name in _ARRAYS}
+    ticks = [batch.ticks for batch in same if batch.ticks is not None]
+    return CsiBatch(**arrays, band=same[0].band, ticks=np.concatenate(ticks) if ticks else None)
+
+
+def most_channels(band: int) -> int:
+    """How many of a band's channels one datagram takes, poses beside them. Raises ValueError as `bands.grid_of`."""
+    if band == OF_5300:
+        return MAX_CSI
+    bits = sum(_ROW_BITS) + _FINE_STEP_BITS[0] + 2 * _COEFFICIENT_BITS * coefficients_of(band)
+    return min(MAX_CSI, (_MOST_BYTES - OVERHEAD_BYTES - _BESIDES_BYTES) * 8 // bits)
 
 
 def encode(datagram: Datagram, key: bytes) -> bytes:
@@ -177,11 +201,15 @@ def encode(datagram: Datagram, key: bytes) -> bytes:
         raise ValueError(f"{len(poses.t_ns)} poses and {len(csi)} CSI values, at most {MAX_POSES} and {MAX_CSI}")
     pose_columns, base = _pose_columns(poses, datagram.sent_ns)
     csi_columns, first = _csi_columns(csi, datagram.sent_ns)
+    is_wide = len(csi) > 0 and csi.band != OF_5300
+    version = WIDE_VERSION if is_wide else VERSION
     header = _HEADER.pack(
-        _MAGIC, VERSION, datagram.role, datagram.sender, datagram.boot_id, datagram.counter, datagram.sent_ns,
+        _MAGIC, version, datagram.role, datagram.sender, datagram.boot_id, datagram.counter, datagram.sent_ns,
         len(poses.t_ns), len(csi), _flags(datagram), *base, *first,
         *((0, 0, 0) if echo is None else (echo.robot, echo.sent_us, echo.held_us)),
     )  # fmt: skip
+    if is_wide and csi.ticks is not None:
+        header += _BAND.pack(csi.band, int(csi.ticks[0]))
     sightings = packed_sightings(datagram.sightings, datagram.sent_ns) if datagram.sightings else b""
     return signed(header + sightings + pack([*pose_columns, *csi_columns]), key)
 
@@ -190,7 +218,7 @@ def sender_of(data: bytes) -> int:
     """The id a datagram claims, to choose the key by. Raises WireError when it is not one of ours."""
     if data[:4] != _MAGIC:
         raise WireError(f"magic {data[:4]!r}, expected {_MAGIC!r}")
-    if len(data) > 7 and data[4] != VERSION:
+    if len(data) > 7 and data[4] not in (VERSION, WIDE_VERSION):
         sender = data[6] | data[7] << 8
         older = f"robot {sender}" if data[4] < VERSION else "this robot"
         raise VersionError(f"robot {sender} speaks wire version {data[4]}, this program {VERSION}: update {older}")
@@ -205,15 +233,20 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
     body, tag = data[:-TAG_BYTES], data[-TAG_BYTES:]
     if not any(hmac.compare_digest(tag, _tag(body, key)) for key in keys):
         raise SignatureError(f"signature of sender {sender} is wrong: another key, or a forgery")
-    (_, _, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, *rest) = _HEADER.unpack_from(body)
+    (_, version, role, _, boot_id, counter, sent_ns, n_poses, n_csi, flags, *rest) = _HEADER.unpack_from(body)
     base, first, robot, echo = rest[:3], rest[3:6], rest[6], rest[7:]
     sound = role in (Role.UAV, Role.BEACON) and flags <= _FLAGS and 0 <= sent_ns < 1 << 62
     if not sound or n_poses > MAX_POSES or n_csi > MAX_CSI:
         raise WireError(f"sender {sender}: role {role}, flags {flags}, {n_poses} poses and {n_csi} channels")
     try:
-        sightings, used = unpacked_sightings(body[_HEADER.size :], sent_ns) if flags & _SIGHTINGS else ((), 0)
-        columns = unpack(body[_HEADER.size + used :], _shape(n_poses, n_csi))
-    except ValueError as error:
+        band, ticks, start = OF_5300, 0, _HEADER.size
+        if version == WIDE_VERSION:
+            band, ticks, start = *_BAND.unpack_from(body, start), start + _BAND.size
+            if band == OF_5300 or not n_csi:
+                raise ValueError(f"version {WIDE_VERSION} with {n_csi} channels of band {band}")
+        sightings, used = unpacked_sightings(body[start:], sent_ns) if flags & _SIGHTINGS else ((), 0)
+        columns = unpack(body[start + used :], _shape(n_poses, n_csi, band))
+    except (ValueError, struct.error) as error:
         raise WireError(f"sender {sender}: {n_poses} poses and {n_csi} channels: {error}") from None
     return Datagram(
         role=Role(role),
@@ -222,7 +255,7 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
         counter=counter,
         sent_ns=sent_ns,
         poses=_poses(columns[: len(_POSE_BITS)] if n_poses else [], np.array(base), sent_ns),
-        csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns) if n_csi else empty_csi(),
+        csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns, band, ticks) if n_csi else empty_csi(),
         counted=bool(flags & _COUNTED),
         echo=Echo(robot, *echo) if robot else None,
         sightings=sightings,
@@ -233,12 +266,17 @@ def _flags(datagram: Datagram) -> int:
     return (_COUNTED if datagram.counted else 0) | (_SIGHTINGS if datagram.sightings else 0)
 
 
-def _shape(n_poses: int, n_csi: int) -> list[tuple[int, int]]:
+def _step_bits(band: int) -> tuple[int, ...]:
+    return _STEP_BITS if band == OF_5300 else _FINE_STEP_BITS
+
+
+def _shape(n_poses: int, n_csi: int, band: int) -> list[tuple[int, int]]:
     """Rows and bits of each column."""
     shape = [(n_poses, bits) for bits in _POSE_BITS] if n_poses else []
     if n_csi:
-        shape += [(n_csi - 1, bits) for bits in _STEP_BITS]
-        shape += [(n_csi if i < _PER_CHANNEL else 2 * n_csi, bits) for i, bits in enumerate(_CSI_BITS)]
+        shape += [(n_csi - 1, bits) for bits in _step_bits(band)]
+        shape += [(n_csi, bits) for bits in _ROW_BITS]
+        shape += [(2 * n_csi, _COEFFICIENT_BITS)] * coefficients_of(band)
     return shape
 
 
@@ -277,23 +315,29 @@ def _csi_columns(csi: CsiBatch, sent_ns: int) -> tuple[list[tuple[Values, int]],
     if frame.max() > MAX_FRAME_STEP or nic.max() >= NIC_SPAN_US or not 0 <= age_us < 1 << _US_BITS:
         raise ValueError("frame counters must rise by less than 256 and NIC stamps by less than 4.19 s")
     # A step back is one round less of the column's own size.
-    steps = [np.diff(v.astype(np.int64)) & (1 << bits) - 1 for v, bits in zip((frame, nic), _STEP_BITS, strict=True)]
-    parts = csi.coefficients.astype(np.int64).transpose(1, 0, 2).reshape(COEFFICIENTS, -1) + _HALF_COEFFICIENT
-    rows = (csi.antenna.astype(np.int64), csi.scale.astype(np.int64), csi.power_dbm.astype(np.int64) + 128, *parts)
-    columns = [*zip(steps, _STEP_BITS, strict=True), *zip(rows, _CSI_BITS, strict=True)]
+    series = (frame, nic) if csi.ticks is None else ((csi.ticks - csi.ticks[0]).astype(np.uint32),)
+    sizes = _step_bits(csi.band)
+    steps = [np.diff(v.astype(np.int64)) & (1 << bits) - 1 for v, bits in zip(series, sizes, strict=True)]
+    count = coefficients_of(csi.band)
+    parts = csi.coefficients.astype(np.int64).transpose(1, 0, 2).reshape(count, -1) + _HALF_COEFFICIENT
+    rows = (csi.antenna.astype(np.int64), csi.scale.astype(np.int64), csi.power_dbm.astype(np.int64) + 128)
+    columns = [*zip(steps, sizes, strict=True), *zip(rows, _ROW_BITS, strict=True)]
+    columns += [(part, _COEFFICIENT_BITS) for part in parts]
     return columns, (int(csi.frame[0]), int(csi.nic_us[0]), age_us)
 
 
-def _csi(columns: list[Values], first: Sequence[int], sent_ns: int) -> CsiBatch:
+def _csi(columns: list[Values], first: Sequence[int], sent_ns: int, band: int, ticks: int) -> CsiBatch:
     frame, nic_us, age_us = first
-    later, later_us = (
+    sizes = _step_bits(band)
+    *later, last = (
         np.concatenate([[0], np.cumsum(steps)]) & (1 << bits) - 1
-        for steps, bits in zip(columns[: len(_STEP_BITS)], _STEP_BITS, strict=True)
+        for steps, bits in zip(columns[: len(sizes)], sizes, strict=True)
     )
-    antenna, scale, power, *parts = columns[len(_STEP_BITS) :]
-    coefficients = np.stack(parts).reshape(COEFFICIENTS, -1, 2).transpose(1, 0, 2) - _HALF_COEFFICIENT
+    later_us = last if band == OF_5300 else np.rint(last / _TICKS_PER_US).astype(np.int64)
+    antenna, scale, power, *parts = columns[len(sizes) :]
+    coefficients = np.stack(parts).reshape(len(parts), -1, 2).transpose(1, 0, 2) - _HALF_COEFFICIENT
     return CsiBatch(
-        frame=(frame + later).astype(np.uint32),
+        frame=(frame + later[0] if later else np.zeros(len(antenna))).astype(np.uint32),
         # Within one datagram both clocks run alike to ten microseconds.
         t_ns=sent_ns + (later_us - age_us) * _NS_PER_US,
         nic_us=(nic_us + later_us).astype(np.uint32),
@@ -301,6 +345,8 @@ def _csi(columns: list[Values], first: Sequence[int], sent_ns: int) -> CsiBatch:
         scale=scale.astype(np.uint8),
         power_dbm=(power - 128).astype(np.int8),
         antenna=antenna.astype(np.uint8),
+        band=band,
+        ticks=None if band == OF_5300 else (ticks + last).astype(np.uint32),
     )
 
 

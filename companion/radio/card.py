@@ -41,6 +41,8 @@ class ChannelSample:
     """(S,) from the channel's centre; None for the 30 of an Intel 5300 at 20 MHz."""
     fine_us: float | None = None
     """When the packet came on the card's fine clock of 3.125 ns, where it has one; wraps every 13.4 s."""
+    band: int = 0
+    """Format and width of an AX card's packet, bits 8 to 13 of its rate word; 0: an Intel 5300's."""
     half_turns: bool = False
     """Whether the sign of each antenna's channel is random in every packet."""
 
@@ -164,10 +166,11 @@ class Radio:
                 frame=None,
                 t_mono_ns=t_mono_ns,
                 nic_us=record.timestamp_low_us,
-                csi=_two_antennas(channel[:, :, 0], record.antennas),
+                csi=_by_power(channel[:, :, 0], record),
                 power_dbm=record.power_dbm,
                 subcarrier_hz=subcarrier_hz,
                 fine_us=record.ftm_ticks / TICKS_PER_US,
+                band=record.rate.word >> 8 & 0x3F,
                 half_turns=True,
             )
         )
@@ -181,11 +184,18 @@ class Radio:
         self._bfee_count = bfee_count
 
 
-def _two_antennas(csi: npt.NDArray[np.complex64], antennas: tuple[int, ...]) -> npt.NDArray[np.complex64]:
-    if antennas == (0, 1):
+def _by_power(csi: npt.NDArray[np.complex64], record: FeitRecord) -> npt.NDArray[np.complex64]:
+    """(S, 2) by antenna. The card reports every chain at one level: what it received is in its power alone."""
+    heard = [power if power else -np.inf for power in record.rssi_dbm]
+    best = max(heard)
+    if record.antennas == (0, 1):
+        weaker = heard.index(min(heard))
+        if heard[weaker] < best:
+            csi = csi.copy()
+            csi[:, weaker] *= np.float32(10 ** ((heard[weaker] - best) / 20))
         return csi
     values = np.zeros((len(csi), 2), np.complex64)
-    values[:, list(antennas)] = csi
+    values[:, list(record.antennas)] = csi
     return values
 
 

@@ -12,27 +12,37 @@ import numpy.typing as npt
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, Vector3
 from companion.neighbours import wire
+from companion.neighbours.bands import OF_5300, grid_of, name_of
 from companion.neighbours.clock_relation import card_times, match
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ANTENNAS, ChannelSample
 from companion.sensing.history import History
 from csi_bridge.clock import NicClock
+from csi_bridge.feitcsi.records import TICKS_PER_US
 from csi_bridge.records import SUBCARRIERS
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import centre_channel, pair_by_counter, strongest_antenna
+from wsr.channel import (
+    SPEED_OF_LIGHT_M_S,
+    band_wavelength_m,
+    centre_channel,
+    pair_by_counter,
+    strongest_antenna,
+)
 from wsr.displacement import antenna_positions, interpolate
 from wsr.errors import ApertureError
+from wsr.ofdm import Grid
 from wsr.reduced import restore_channel
 
 _POSE_CAPACITY = 200 * 60
 _SAMPLE_CAPACITY = 200 * 60
 _NIC_WRAP_US = float(1 << 32)
+_FINE_WRAP_US = float(1 << 32) / TICKS_PER_US
 _REVERSE_LEAD_NS = NS_PER_S  # a reverse channel may arrive before its forward one is drained
 _REMAP_NS = NS_PER_S  # a packet's time may move by so much while the relation of the clocks is young
 _WEAK_COUNTS = 1.0  # CSI parts are whole numbers: below one count there is quantisation and no signal
 _NO_FRAME = -1
 _PATH_STEP_NS = NS_PER_S // 20
-_FRAME, _NIC, _T, _POWER = 0, 1, 2, 3
+_FRAME, _NIC, _T, _POWER, _FINE = 0, 1, 2, 3, 4
 
 Times = npt.NDArray[np.int64]
 
@@ -66,15 +76,15 @@ class ApertureReport:
 
 
 class _Heard:
-    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, and channels in counts of the
-    card (half precision keeps a 5300's whole numbers exactly). Rows are ordered by when they were read."""
+    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, fine stamp, and channels in
+    counts of the card (half precision keeps a 5300's whole numbers exactly). Rows are in the order they came in."""
 
     def __init__(self, like: ChannelSample) -> None:
-        self.stamps = History(_SAMPLE_CAPACITY, 4)
+        self.stamps = History(_SAMPLE_CAPACITY, 5)
         self.csi = History(_SAMPLE_CAPACITY, like.csi.size * 2, np.float16)
         self.shape = like.csi.shape
         self.subcarrier_hz = like.subcarrier_hz
-        self.half_turns = like.half_turns
+        self.half_turns, self.band = like.half_turns, like.band
 
     def add(self, sample: ChannelSample) -> None:
         newest = self.stamps.newest_ns
@@ -82,7 +92,13 @@ class _Heard:
         key_ns = sample.t_mono_ns if newest is None else max(newest, sample.t_mono_ns)
         self.stamps.append(
             key_ns,
-            (_NO_FRAME if sample.frame is None else sample.frame, sample.nic_us, sample.t_mono_ns, sample.power_dbm),
+            (
+                _NO_FRAME if sample.frame is None else sample.frame,
+                sample.nic_us,
+                sample.t_mono_ns,
+                sample.power_dbm,
+                math.nan if sample.fine_us is None else sample.fine_us,
+            ),
         )
         self.csi.append(key_ns, np.ascontiguousarray(sample.csi).view(np.float32).ravel())
 
@@ -189,6 +205,8 @@ class SarWindow:
             heard.subcarrier_hz,
             heard.half_turns,
             _mean_dbm(stamps[inside, _POWER]),
+            heard.band,
+            stamps[inside, _FINE],
         )
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
@@ -199,31 +217,56 @@ class SarWindow:
         # Those before a reset of the card's clock keep the time they had.
         return np.where(np.abs(again_ns - t_ns) < _REMAP_NS // 2, again_ns, t_ns)
 
-    def _join(
-        self, neighbour: Neighbour, forward: _Forward, start_ns: int, dropped: dict[str, int]
-    ) -> tuple[Aperture, npt.NDArray[np.float64]]:
-        """The aperture and the peer's positions (M, 3) at its packets. Raises ApertureError."""
+    def paired(self, neighbour: Neighbour, start_ns: int, end_ns: int) -> Paired:
+        """The exchanges with `neighbour` between two times [ns], wherever the robots were. Raises ApertureError."""
+        return self._paired(neighbour, self._forward(neighbour.id, start_ns, end_ns), start_ns)
+
+    def _paired(self, neighbour: Neighbour, forward: _Forward, start_ns: int) -> Paired:
         if not len(forward.t_ns):
             raise ApertureError(f"no packets of {neighbour.name} were heard")
-        if forward.subcarrier_hz is not None:
-            # The datagram's coefficients are of a 5300's subcarriers (docs/wire.md).
-            raise ApertureError(f"datagrams carry channels of 20 MHz, {neighbour.name} was heard over another band")
         reverse = neighbour.channels_since(start_ns - _REVERSE_LEAD_NS)
+        if len(reverse) and reverse.band != forward.band:
+            raise ApertureError(
+                f"{neighbour.name} was heard over {name_of(forward.band)} and sends channels of {name_of(reverse.band)}"
+            )
         usable = np.flatnonzero(reverse.antenna == _most_common(reverse.antenna))
         if neighbour.counted:
             i, j = pair_by_counter(forward.frame.astype(np.uint32), reverse.frame[usable])
         else:
             i, j = _pair_by_time(neighbour, forward, reverse, usable)
+        j = usable[j]
+        ours = forward.csi[i, :, strongest_antenna(forward.csi)]
+        on = grid_of(forward.band)
+        theirs = restore_channel(reverse.coefficients[j], reverse.scale[j], on)
+        if forward.fine_us is None or reverse.ticks is None:
+            stamps_us = np.stack([forward.nic_us[i], reverse.nic_us[j]], axis=1).astype(np.float64)
+            nic_us = np.unwrap(stamps_us, axis=0, period=_NIC_WRAP_US)
+        else:
+            stamps_us = np.stack([forward.fine_us[i], reverse.ticks[j] / TICKS_PER_US], axis=1)
+            nic_us = np.unwrap(stamps_us, axis=0, period=_FINE_WRAP_US)
+        wavelength_m = self._wavelength_m
+        return Paired(
+            i=i,
+            j=j,
+            reverse=reverse,
+            ours=ours,
+            theirs=theirs,
+            nic_us=nic_us,
+            grid=on,
+            half_turns=forward.half_turns,
+            wavelength_m=wavelength_m if forward.band == OF_5300 else _band_wavelength_m(wavelength_m, on),
+        )
+
+    def _join(
+        self, neighbour: Neighbour, forward: _Forward, start_ns: int, dropped: dict[str, int]
+    ) -> tuple[Aperture, npt.NDArray[np.float64]]:
+        """The aperture and the peer's positions (M, 3) at its packets. Raises ApertureError."""
+        pairs = self._paired(neighbour, forward, start_ns)
+        i, j, reverse, ours, theirs = pairs.i, pairs.j, pairs.reverse, pairs.ours, pairs.theirs
         dropped["unpaired"] = len(forward.t_ns) - len(i)
         if not len(i):
             raise ApertureError(f"none of the {len(forward.t_ns)} packets of {neighbour.name} has its reverse channel")
-        j = usable[j]
-        ours = forward.csi[i, :, strongest_antenna(forward.csi)]
-        theirs = restore_channel(reverse.coefficients[j], reverse.scale[j])
-        centre_ours, centre_theirs = centre_channel(ours), centre_channel(theirs)
-        stamps_us = np.stack([forward.nic_us[i], reverse.nic_us[j]], axis=1).astype(np.float64)
-        nic_us = np.unwrap(stamps_us, axis=0, period=_NIC_WRAP_US)
-
+        centre_ours, centre_theirs = centre_channel(ours, pairs.grid), centre_channel(theirs, pairs.grid)
         t_s = (forward.t_ns[i] - start_ns) / NS_PER_S
         own_t_ns, own_p_m = self._antenna(int(forward.t_ns.min()), int(forward.t_ns.max()))
         p_i_m, own_valid = interpolate(t_s, (own_t_ns - start_ns) / NS_PER_S, own_p_m, self._max_pose_gap_s)
@@ -245,14 +288,32 @@ class SarWindow:
             t_s[keep],
             p_i_m[keep],
             (centre_ours * centre_theirs)[keep],
-            self._wavelength_m,
+            pairs.wavelength_m,
             p_j_m=p_j_m[keep],
             min_packets=self._min_packets,
             forward=ours[keep],
             reverse=theirs[keep],
-            nic_us=nic_us[keep],
+            nic_us=pairs.nic_us[keep],
+            subcarrier_hz=forward.subcarrier_hz,
+            half_turns=forward.half_turns,
         )
         return aperture, p_j_m[keep][np.argsort(t_s[keep], kind="stable")]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Paired:
+    """Exchanges (K,): rows `i` of our packets and `j` of the reverse channels, both ends' channels (K, S) on `grid`,
+    and the stamps (K, 2) of both cards [us], unwrapped."""
+
+    i: npt.NDArray[np.intp]
+    j: npt.NDArray[np.intp]
+    reverse: wire.CsiBatch
+    ours: npt.NDArray[np.complex64]
+    theirs: npt.NDArray[np.complex64]
+    nic_us: npt.NDArray[np.float64]
+    grid: Grid
+    half_turns: bool
+    wavelength_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,6 +329,17 @@ class _Forward:
     half_turns: bool = False
     power_dbm: float = math.nan
     """Mean of their powers."""
+    band: int = OF_5300
+    fine_us: npt.NDArray[np.float64] | None = None
+    """(N,) of the card's fine clock, nan where it has none."""
+
+
+def _band_wavelength_m(channel_wavelength_m: float, on: Grid) -> float:
+    """At the centre of the band that the channel of this wavelength is part of. Raises ApertureError."""
+    try:
+        return band_wavelength_m(round((SPEED_OF_LIGHT_M_S / channel_wavelength_m - 5e9) / 5e6), on)
+    except ValueError as error:
+        raise ApertureError(f"csi.channel: {error}") from None
 
 
 def _pair_by_time(

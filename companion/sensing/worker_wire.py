@@ -35,6 +35,9 @@ class AoaRequest:
     reverse: bytes = b""
     nic_us: bytes = b""
     """(M, 2) f64, or nothing."""
+    subcarrier_hz: bytes = b""
+    """(S,) f64, or nothing."""
+    half_turns: bool = False
 
 
 READY_ID = -1
@@ -74,6 +77,10 @@ def request_of(request_id: int, peer: int, aperture: Aperture) -> AoaRequest:
         forward=_bytes(aperture.forward),
         reverse=_bytes(aperture.reverse),
         nic_us=_bytes(aperture.nic_us),
+        subcarrier_hz=b""
+        if aperture.subcarrier_hz is None
+        else np.asarray(aperture.subcarrier_hz, np.float64).tobytes(),
+        half_turns=aperture.half_turns,
     )
 
 
@@ -90,6 +97,8 @@ def aperture_of(request: AoaRequest) -> Aperture:
         forward=_array(request.forward, np.complex64, len(t_s)),
         reverse=_array(request.reverse, np.complex64, len(t_s)),
         nic_us=_array(request.nic_us, np.float64, len(t_s)),
+        subcarrier_hz=np.frombuffer(request.subcarrier_hz) if request.subcarrier_hz else None,
+        half_turns=request.half_turns,
     )
 
 

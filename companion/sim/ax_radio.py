@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from companion.sim.draws import ExchangeDraws
 from companion.sim.propagation import Lattice
-from companion.sim.radio import DEFAULT_EPOCH_NS, Link
+from companion.sim.radio import DEFAULT_EPOCH_NS, MEAN_DELIVERY_S, CardPair
 from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Array, Trajectory
 from csi_bridge.feitcsi.rate import Format, Rate
@@ -39,13 +39,15 @@ _FADED: Final = 0.125
 _LEAST_DBM: Final = -120.0
 
 
-class AxRadioLink(Link[FeitRecord]):
+class AxRadioLink(CardPair[FeitRecord]):
     """Both cards are AX200 or AX210."""
 
     _antennas = _CHAINS
 
-    def __init__(self, scenario: Scenario, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+    def __init__(self, scenario: Scenario, epoch_ns: int = DEFAULT_EPOCH_NS, host_stamps: bool = False) -> None:
+        """`host_stamps`: as a logger writes that knows the host's time; the driver leaves it zero."""
         super().__init__(scenario, epoch_ns)
+        self._host_stamps = host_stamps
         width_mhz = scenario.radio.width_mhz
         plan = tones(Format.HE, width_mhz)
         assert plan is not None
@@ -63,11 +65,13 @@ class AxRadioLink(Link[FeitRecord]):
     def _noise(self, first: int, count: int, draws: ExchangeDraws) -> npt.NDArray[np.complexfloating]:
         last = first + count - 1
         size = len(self._plan.index)
-        blocks = [
-            _noise_block(self._scenario.seed, number, size) for number in range(first // _BLOCK, last // _BLOCK + 1)
+        parts = [
+            _noise_block(self._scenario.seed, number, size)[
+                max(first - number * _BLOCK, 0) : last - number * _BLOCK + 1
+            ]
+            for number in range(first // _BLOCK, last // _BLOCK + 1)
         ]
-        begin = first % _BLOCK
-        return np.asarray(math.sqrt(self._noise_mw) * np.concatenate(blocks)[begin : begin + count])
+        return np.asarray(np.float32(math.sqrt(self._noise_mw)) * np.concatenate(parts))
 
     def _hear(
         self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], draws: ExchangeDraws
@@ -76,6 +80,10 @@ class AxRadioLink(Link[FeitRecord]):
         microseconds = receiver.microseconds(t_s)
         nic_us = np.floor(microseconds).astype(np.int64) % 2**32
         ticks = (np.floor(microseconds * TICKS_PER_US).astype(np.int64) + self._fine_offsets[side]) % 2**32
+        host_us = np.zeros(len(t_s), np.int64)
+        if self._host_stamps:
+            host_s = t_s + MEAN_DELIVERY_S * draws.delivery[:, side] + receiver.robot.clock_offset_s
+            host_us = self._epoch_ns // 1000 + np.rint(host_s * 1e6).astype(np.int64)
         power_mw = np.mean(np.square(np.abs(signal)), axis=1)
         dbm = np.rint(np.maximum(10 * np.log10(power_mw), _LEAST_DBM)).astype(int)
         level = _LEVEL * (1 + _LEVEL_STD * np.clip(draws.normals[:, 3 + side], -3, 3))[:, None]
@@ -85,7 +93,7 @@ class AxRadioLink(Link[FeitRecord]):
         return [
             FeitRecord(
                 ftm_ticks=int(ticks[i]),
-                host_time_us=0,
+                host_time_us=int(host_us[i]),
                 rssi_dbm=(int(min(dbm[i, 0], -1)), int(min(dbm[i, 1], -1))),
                 mac=sender.mac,
                 timestamp_low_us=int(nic_us[i]),
@@ -98,12 +106,14 @@ class AxRadioLink(Link[FeitRecord]):
         ]
 
 
-def simulate_ax_exchanges(scenario: Scenario, uav: Trajectory, beacon: Trajectory) -> AxRecords:
+def simulate_ax_exchanges(
+    scenario: Scenario, uav: Trajectory, beacon: Trajectory, host_stamps: bool = False
+) -> AxRecords:
     """Records (at the UAV, at the beacon) of the exchanges within the UAV's samples; both trajectories start at t >= 0.
 
     Pure: the same arguments give the same records.
     """
-    link = AxRadioLink(scenario)
+    link = AxRadioLink(scenario, host_stamps=host_stamps)
     link.skip_to(float(uav.t_s[0]))
     return link.advance(float(uav.t_s[-1]), uav, beacon)
 

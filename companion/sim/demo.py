@@ -23,7 +23,7 @@ from companion.log.parts import parts_beside
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.sim import truth
 from companion.sim.operator import engage
-from companion.sim.stage import Cast, Stage, set_stage
+from companion.sim.stage import Card, Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 
 RENDEZVOUS_M: Final = 2.0
@@ -69,9 +69,10 @@ async def run_demo(
     on_watch: Callable[[Watch], None],
     gps: bool = False,
     scene: str | None = None,
+    card: Card = "5300",
 ) -> DemoRun:
     """One rendezvous with everything real but the hardware; without `gps` the vehicle flies by the service's poses.
-    `out` is an existing directory, `scene` as in `set_stage`.
+    `out` is an existing directory, `scene` and `card` as in `set_stage`.
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
@@ -79,7 +80,7 @@ async def run_demo(
     for old in (*logs, *(out / name for name in _PICTURES)):
         old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
-        stage = set_stage(Path(name), out, seed, gps=gps, scene=scene)
+        stage = set_stage(Path(name), out, seed, gps=gps, scene=scene, card=card)
         with bind_datagram_socket(stage.truth_socket) as truth_socket:
             try:
                 async with Cast(stage, out) as cast:

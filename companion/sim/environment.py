@@ -10,10 +10,12 @@ import numpy as np
 
 from companion.pose import wire
 from companion.sim import truth
+from companion.sim.ax_radio import AxRadioLink
 from companion.sim.radio import RadioLink
 from companion.sim.scenario import RobotScenario, Scenario
 from companion.sim.trajectory import BeaconDrive, Trajectory, VehicleTrack
 from companion.sim.vio import Camera
+from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.records import CsiRecord
 
 _TRUTH_PERIOD_S: Final = 0.05
@@ -25,8 +27,8 @@ _HOLD_AFTER_S: Final = 0.25
 class Sample:
     """What came into being in one step of the world, in the order of time."""
 
-    csi_uav: list[CsiRecord]
-    csi_beacon: list[CsiRecord]
+    csi_uav: list[CsiRecord] | list[FeitRecord]
+    csi_beacon: list[CsiRecord] | list[FeitRecord]
     poses_uav: list[wire.RawPose]
     poses_beacon: list[wire.RawPose]
     world: truth.WorldTruth | None
@@ -47,7 +49,7 @@ class World:
         self._camera_beacon = _CameraRig(scenario, scenario.beacon, 1)
         self._levers_m = (np.array(scenario.uav.antennas_m[:1]), np.array(scenario.beacon.antennas_m[:1]))
         self._start_ns: int | None = None
-        self._radio: RadioLink | None = None
+        self._radio: RadioLink | AxRadioLink | None = None
         self._newest: truth.VehicleTruth | None = None
         self._until_s = 0.0
         self._next_truth_s = 0.0
@@ -56,7 +58,8 @@ class World:
         """Takes a true state of the vehicle; the first one starts the world's time."""
         if self._start_ns is None:
             self._start_ns = vehicle.t_mono_ns + self._lag_ns
-            self._radio = RadioLink(self._scenario, self._start_ns + self._wall_minus_mono_ns)
+            link = AxRadioLink if self._scenario.radio.card == "ax210" else RadioLink
+            self._radio = link(self._scenario, self._start_ns + self._wall_minus_mono_ns)
         self._newest = vehicle
         self._track.append(self._seconds(vehicle.t_mono_ns + self._lag_ns), vehicle.p_enu_m, vehicle.yaw_enu_rad)
 

@@ -39,7 +39,7 @@ _RSSI_TARGET_DB: Final = 37.0
 _MAX_AGC: Final = 63
 _SELECTIONS: Final = (0b10_01_00, 0b01_10_00)
 _RATE: Final = 257
-_MEAN_DELIVERY_S: Final = 60e-6
+MEAN_DELIVERY_S: Final = 60e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,7 @@ class Card:
         return np.floor(self.microseconds(t_s)).astype(np.int64) % 2**32
 
 
-class Link(ABC, Generic[R]):
+class CardPair(ABC, Generic[R]):
     """Makes the exchanges of a growing span of time. Exchange n is at about n / rate seconds; n starts at 1."""
 
     _antennas = 3
@@ -175,7 +175,7 @@ class Link(ABC, Generic[R]):
         return signal
 
 
-class RadioLink(Link[CsiRecord]):
+class RadioLink(CardPair[CsiRecord]):
     """Both cards are Intel 5300."""
 
     def __init__(self, scenario: Scenario, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
@@ -196,7 +196,7 @@ class RadioLink(Link[CsiRecord]):
         rssi = np.minimum(np.maximum(np.rint(power_dbm + 44 + agc[:, None]), 1), 255).astype(int).tolist()
         csi = _quantise(signal, power_mw, draws.normals[:, 3 + side])
         nic_us = receiver.nic_us(t_s).tolist()
-        host_s = t_s + _MEAN_DELIVERY_S * draws.delivery[:, side] + receiver.robot.clock_offset_s
+        host_s = t_s + MEAN_DELIVERY_S * draws.delivery[:, side] + receiver.robot.clock_offset_s
         host_us = np.rint(host_s * 1e6).astype(np.int64).tolist()
         selection = draws.uniforms[:, 5 + side].tolist()
         records = []

@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
 from companion.errors import CompanionError
+from companion.sim.ax_radio import simulate_ax_exchanges
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
-from companion.sim.scenario import Scenario, bare_robot
+from companion.sim.scenario import Scenario, ax210_radio, bare_robot
 from companion.sim.scenes import set_in
 from companion.sim.trajectory import Array, Trajectory
 from csi_bridge.encoder import encode_body, encode_file_record
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.records import CSI_CODE, CsiRecord
 
 RX_MAC: Final = "00:21:6A:53:89:D2"
@@ -33,16 +36,22 @@ _DISTANCE_M: Final = 8.0
 _RATE_HZ: Final = 100.0
 
 
-def write_sample(folder: Path, seed: int) -> tuple[float, float]:
-    """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. Raises CompanionError
-    where the folder cannot be written."""
+def write_sample(folder: Path, seed: int, width_mhz: Literal[20, 40, 80, 160] | None = None) -> tuple[float, float]:
+    """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. With a width the cards are
+    AX210s. Raises CompanionError where the folder cannot be written."""
     world = _world(seed)
     assert world.beacon_azimuth_rad is not None
     place_m = _DISTANCE_M * np.array([math.cos(world.beacon_azimuth_rad), math.sin(world.beacon_azimuth_rad), 0.0])
     place_m[2] = 0.5
     uav = _flown()
     beacon = Trajectory(uav.t_s[[0, -1]], np.tile(place_m, (2, 1)), np.zeros(2))
-    at_uav, at_beacon = simulate_exchanges(world, uav, beacon)
+    if width_mhz is None:
+        logs = [_log(records) for records in simulate_exchanges(world, uav, beacon)]
+    else:
+        wide = replace(world, radio=ax210_radio(world.radio, width_mhz))
+        at_ends = simulate_ax_exchanges(wide, uav, beacon, host_stamps=True)
+        logs = [b"".join(map(encode_record, records)) for records in at_ends]
+    suffix = "dat" if width_mhz is None else "csi"
     start_s = DEFAULT_EPOCH_NS / 1e9
     rows = [(start_s + t, 0.0, *p) for t, p in zip(uav.t_s, uav.p_enu_m, strict=True)]
     place = dict(zip("xyz", place_m.tolist(), strict=True))
@@ -52,8 +61,8 @@ def write_sample(folder: Path, seed: int) -> tuple[float, float]:
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"csi_rx_{_STAMP}.dat").write_bytes(_log(at_uav))
-        (folder / f"csi_tx2_{_STAMP}.dat").write_bytes(_log(at_beacon))
+        for end, log in zip(("rx", "tx2"), logs, strict=True):
+            (folder / f"csi_{end}_{_STAMP}.{suffix}").write_bytes(log)
         lines = (",".join(f"{value:.6f}" for value in row) + ",\n" for row in rows)
         (folder / f"rx_trajectory_{_STAMP}_.csv").write_text("".join(lines))
         (folder / "groundtruth_positions.json").write_text(json.dumps(truth, indent=2) + "\n")

@@ -12,6 +12,7 @@ from msgspec import Meta
 from companion.core.messages import Vector3
 from companion.errors import ConfigError
 from csi_bridge.regular_file import read_regular
+from wsr.channel import wide_channel
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -82,6 +83,7 @@ def ax210_radio(radio: RadioScenario, width_mhz: Literal[20, 40, 80, 160]) -> Ra
         radio,
         card="ax210",
         width_mhz=width_mhz,
+        channel=wide_channel(radio.channel, width_mhz),
         turnaround_s=1e-3,
         turnaround_jitter_s=100e-6,
         turnaround_outlier_s=1e-3,

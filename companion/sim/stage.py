@@ -20,8 +20,9 @@ from companion.config.file import load_config, save_config
 from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
 from companion.host.child import die_with_parent
-from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, encode_scenario
+from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, ax210_radio, encode_scenario
 from companion.sim.scenes import drives, fence_in, set_in
+from csi_bridge.feitcsi.netlink import vendor_events_available
 from csi_bridge.netlink import connector_available
 
 _CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
@@ -33,6 +34,13 @@ _VIO_HZ: Final = 50.0
 _MAST_M: Final = 0.45
 _ROVER_M_S2: Final = 0.4
 _ROBOTS: Final = 2
+_AX_WIDTH_MHZ: Final = 80
+_AX_GAINS_DB: Final = (0.0, -3.0, -99.0)
+_AX_BUDGET_BYTES_S: Final = 10_000.0
+_TRANSPORTS: Final = {"5300": "netlink", "ax210": "nl80211"}
+
+Card = Literal["5300", "ax210"]
+Transport = Literal["netlink", "nl80211", "unix"]
 _CONNECTORS: Final = (26, 27, *range(28, 33), *range(10, 26))  # the driver's own first, as on a vehicle
 
 
@@ -60,14 +68,22 @@ class Stage:
 
 
 def set_stage(
-    directory: Path, out: Path, seed: int, use_netlink: bool = True, gps: bool = True, scene: str | None = None
+    directory: Path,
+    out: Path,
+    seed: int,
+    use_netlink: bool = True,
+    gps: bool = True,
+    scene: str | None = None,
+    card: Card = "5300",
 ) -> Stage:
     """Keys, free ports, configurations and the scenario for one run, written below `directory` (short: socket paths
     have a limit). Logs go to `out`. Without `gps` the vehicle flies by the companion's poses. `scene` is one of
-    `companion.sim.scenes`, None the room of the scenario's defaults."""
-    reason = (connector_available() or "") if use_netlink else "it was asked for"
-    transport = "unix" if reason else "netlink"
-    claims = claim_connectors(_ROBOTS) if transport == "netlink" else {}
+    `companion.sim.scenes`, None the room of the scenario's defaults. Cards are Intel 5300s, or AX210s whose packets are
+    80 MHz wide."""
+    is_available = connector_available if card == "5300" else vendor_events_available
+    reason = (is_available() or "") if use_netlink else "it was asked for"
+    transport = "unix" if reason else _TRANSPORTS[card]
+    claims = {} if transport == "unix" else claim_connectors(_ROBOTS)
     mavlink_port, neighbour_port = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
     uav = load_config(_CONFIGS / "demo-uav.yaml")
     beacon = load_config(_CONFIGS / "demo-beacon.yaml")
@@ -79,6 +95,12 @@ def set_stage(
     )
     beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
     scenario = _scenario(uav, beacon, directory, seed)
+    if card == "ax210":
+        scenario = _with_ax_cards(scenario)
+        # A channel of 80 MHz is sent as 26 numbers, where one of 20 MHz is eight.
+        beacon = dataclasses.replace(
+            beacon, neighbours=dataclasses.replace(beacon.neighbours, budget_bytes_s=_AX_BUDGET_BYTES_S)
+        )
     if scene is not None:
         scenario = set_in(scenario, scene)
         uav = dataclasses.replace(uav, gate=fence_in(scenario.radio, uav.gate))
@@ -225,14 +247,13 @@ def _placed(
     connectors: Collection[int],
 ) -> Config:
     """The configuration of the file with this run's directory, ports, transport and connector."""
-    assert transport in ("netlink", "unix")
     index = config.csi.connector_idx
     if connectors:
         index = sorted(connectors)[config.role == "beacon"]
     return dataclasses.replace(
         config,
         runtime_dir=str(directory),
-        csi=dataclasses.replace(config.csi, source=cast(Literal["netlink", "unix"], transport), connector_idx=index),
+        csi=dataclasses.replace(config.csi, source=cast(Transport, transport), connector_idx=index),
         neighbours=dataclasses.replace(config.neighbours, port=neighbour_port),
         recorder=dataclasses.replace(config.recorder, path=str(log.resolve())),
     )
@@ -257,6 +278,14 @@ def _scenario(uav: Config, beacon: Config, directory: Path, seed: int) -> Scenar
         truth_in=str(directory / "truth-in.sock"),
         truth_out=str(directory / "truth-out.sock"),
     )
+
+
+def _with_ax_cards(scenario: Scenario) -> Scenario:
+    """Both chains hear, the first one best."""
+    uav, beacon = (
+        dataclasses.replace(robot, antenna_gain_db=_AX_GAINS_DB) for robot in (scenario.uav, scenario.beacon)
+    )
+    return dataclasses.replace(scenario, uav=uav, beacon=beacon, radio=ax210_radio(scenario.radio, _AX_WIDTH_MHZ))
 
 
 def _robot(config: Config, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:

@@ -26,7 +26,9 @@ from companion.sim import truth
 from companion.sim.environment import Sample, World
 from companion.sim.scenario import CsiEndpoint, Scenario, load_scenario
 from csi_bridge.encoder import encode_body
+from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.netlink import VendorEventFeeder
+from csi_bridge.feitcsi.records import FEITCSI_CODE, FeitRecord
 from csi_bridge.netlink import NetlinkError, NetlinkFeeder
 from csi_bridge.records import CSI_CODE
 from csi_bridge.unix_socket import UnixFeeder
@@ -71,7 +73,10 @@ class _Sockets:
     def send(self, sample: Sample) -> None:
         for feeder, records in ((self._feed_uav, sample.csi_uav), (self._feed_beacon, sample.csi_beacon)):
             for record in records:
-                feeder.send(CSI_CODE, encode_body(record))
+                if isinstance(record, FeitRecord):
+                    feeder.send(FEITCSI_CODE, encode_record(record))
+                else:
+                    feeder.send(CSI_CODE, encode_body(record))
         for robot, poses in (
             (self._scenario.uav, sample.poses_uav),
             (self._scenario.beacon, sample.poses_beacon),

@@ -17,6 +17,7 @@ MODULES: Final = {
     RENDEZVOUS: "rendezvous",
     "packets": "packets",
     "team": "team",
+    "bandwidth": "bandwidth",
 }
 
 

@@ -12,13 +12,22 @@ import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
 
+from companion.analysis.by_time import pair_by_card_time
+from companion.sim.ax_radio import simulate_ax_exchanges
+from companion.sim.propagation import carrier_hz
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
 from companion.sim.scenario import RadioScenario, Scenario, bare_robot
 from companion.sim.scenes import hall
 from companion.sim.trajectory import Trajectory
+from csi_bridge.clock import host_times_s
+from csi_bridge.feitcsi.channel import thinned
+from csi_bridge.feitcsi.clock import fine_us
+from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.records import CsiRecord
 from wsr.aperture import Aperture, make_aperture
-from wsr.channel import centre_channel, pair_by_counter, wavelength_m
+from wsr.channel import SPEED_OF_LIGHT_M_S, centre_channel, pair_by_counter
+from wsr.ofdm import Grid, grid
+from wsr.reduced import as_sent
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +37,7 @@ CLOCK_OFFSET_S = 38.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Heard:
-    """K exchanges that both ends recorded: times (K,) on our clock and on the other's own, channels (K, 30) of both
+    """K exchanges that both ends recorded: times (K,) on our clock and on the other's own, channels (K, S) of both
     directions, stamps (K, 2) of both cards."""
 
     t_s: Array
@@ -36,7 +45,9 @@ class Heard:
     forward: npt.NDArray[np.complex64]
     reverse: npt.NDArray[np.complex64]
     nic_us: Array
-    channel: int
+    carrier_hz: float
+    grid: Grid | None = None
+    """Of AX cards, whose chains turn by half a turn at random; None: 30 subcarriers of a 5300."""
 
     def aperture(
         self, p_i_m: Array, p_j_m: Array | None = None, keep: npt.NDArray[np.bool_] | None = None, min_packets: int = 20
@@ -47,13 +58,15 @@ class Heard:
         return make_aperture(
             self.t_s[chosen],
             p_i_m[chosen],
-            centre_channel(forward) * centre_channel(reverse),
-            wavelength_m(self.channel),
+            centre_channel(forward, self.grid) * centre_channel(reverse, self.grid),
+            SPEED_OF_LIGHT_M_S / self.carrier_hz,
             p_j_m=None if p_j_m is None else p_j_m[chosen],
             min_packets=min_packets,
             forward=forward,
             reverse=reverse,
             nic_us=self.nic_us[chosen],
+            subcarrier_hz=None if self.grid is None else self.grid.hz,
+            half_turns=self.grid is not None,
         )
 
 
@@ -95,7 +108,27 @@ def hear(world: Scenario, uav: Trajectory, beacon: Trajectory) -> Heard:
         forward=_csi(ours),
         reverse=_csi(theirs),
         nic_us=np.unwrap(stamps, axis=0, period=float(1 << 32)),
-        channel=world.radio.channel,
+        carrier_hz=carrier_hz(world.radio.channel),
+    )
+
+
+def hear_ax(world: Scenario, uav: Trajectory, beacon: Trajectory) -> Heard:
+    """The same of two AX cards, paired by their own clocks; the reverse channel as a datagram would bring it."""
+    ends = simulate_ax_exchanges(world, uav, beacon, host_stamps=True)
+    fine = [_fine_us(records) for records in ends]
+    pairs = pair_by_card_time(*fine)
+    chosen = [[records[k] for k in pair] for records, pair in zip(ends, pairs, strict=True)]
+    heard = [[thinned(record) for record in records] for records in chosen]
+    on = grid(heard[0][0][1])
+    forward, reverse = (np.array([csi[:, 0, 0] for csi, _ in side], np.complex64) for side in heard)
+    return Heard(
+        t_s=_ax_host_s(chosen[0]),
+        other_t_s=_ax_host_s(chosen[1]),
+        forward=forward,
+        reverse=as_sent(reverse, on),
+        nic_us=np.stack([times[pair] for times, pair in zip(fine, pairs, strict=True)], axis=1),
+        carrier_hz=carrier_hz(world.radio.channel),
+        grid=on,
     )
 
 
@@ -117,6 +150,16 @@ def _counters(records: list[CsiRecord]) -> npt.NDArray[np.int64]:
 
 def _host_s(records: list[CsiRecord]) -> Array:
     return np.array([(record.host_time_ns or 0) - DEFAULT_EPOCH_NS for record in records], np.float64) * 1e-9
+
+
+def _fine_us(records: list[FeitRecord]) -> Array:
+    ticks = np.array([record.ftm_ticks for record in records], np.uint32)
+    return fine_us(ticks, np.array([record.timestamp_low_us for record in records], np.uint32))
+
+
+def _ax_host_s(records: list[FeitRecord]) -> Array:
+    host_s = np.array([record.host_time_us for record in records], np.float64) * 1e-6 - DEFAULT_EPOCH_NS * 1e-9
+    return host_times_s(np.array([record.timestamp_low_us for record in records], np.uint32), host_s)
 
 
 def _csi(records: list[CsiRecord]) -> npt.NDArray[np.complex64]:

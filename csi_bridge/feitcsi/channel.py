@@ -46,6 +46,11 @@ def thinned(record: FeitRecord) -> tuple[Complex, npt.NDArray[np.float64]]:
     return (means @ thinning.mean).reshape(record.n_rx, record.n_tx, -1).transpose(2, 0, 1), thinning.hz
 
 
+def thinned_hz(plan: Tones) -> npt.NDArray[np.float64]:
+    """The frequencies (S',) of `thinned` for records of this plan."""
+    return _thinning(plan).hz
+
+
 def _rows(record: FeitRecord) -> Complex:
     """h (n_rx n_tx, S): by chain and stream, as the data lie, whole rows of the memory at a time."""
     filling = _filling(record.tones)

@@ -10,7 +10,13 @@ from benchmarks.ablation import DEFAULT, ROWS
 from benchmarks.document import DOCS
 from wsr.estimators.options import RobustOptions
 
-STEPS = [field.name for field in fields(RobustOptions) if isinstance(getattr(DEFAULT, field.name), bool)]
+WIDE = "first_path"
+"""Acts over 60 MHz and more, which no recording has; `companion study bandwidth` measures what it is worth."""
+STEPS = [
+    field.name
+    for field in fields(RobustOptions)
+    if isinstance(getattr(DEFAULT, field.name), bool) and field.name != WIDE
+]
 """Switches proper; the delay, the scales, the coherent step and the share of power are numbers that do the same."""
 NUMBERS = ["delay_ns", "scales", "coherent_above", "power_share", "weak_below"]
 

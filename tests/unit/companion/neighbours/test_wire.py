@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 
 from companion.neighbours import wire
+from companion.neighbours.bands import band_of, coefficients_of
+from csi_bridge.feitcsi.rate import Format
+from tests import feit_records
 from tests.datagrams import KEY, KEYS, datagram
 from tests.paths import DOCS
 from tests.wire_example import KEY as EXAMPLE_KEY
@@ -134,3 +137,45 @@ def test_a_reader_written_from_the_table_alone_finds_the_same() -> None:
     assert parts[:3] == [[31, -31, -31, 7], [0, 1, 3, 3], [-1, 2, 0, 0]]
     assert parts[3:] == [[5, -5, 0, 0], [0] * 4, [10, -20, 0, 0], [30, -30, 0, 0], [1, 1, -2, 2]]
     assert whole[-16:] == hmac.digest(EXAMPLE_KEY, whole[:-16], hashlib.sha256)[:16]
+
+
+def wide(count: int, width_mhz: int = 80) -> wire.Datagram:
+    """With channels of an AX card."""
+    band = band_of(feit_records.record(Format.HE, width_mhz).rate)
+    rng = np.random.default_rng(count)
+    base = datagram(csi=count)
+    coefficients = rng.integers(-31, 32, (count, coefficients_of(band), 2)).astype(np.int8)
+    ticks = (4_294_900_000 + np.cumsum(rng.integers(1_800_000, 2_400_000, count))).astype(np.uint32)
+    csi = replace(base.csi, frame=np.zeros(count, np.uint32), coefficients=coefficients, band=band, ticks=ticks)
+    return replace(base, csi=csi, counted=False)
+
+
+@pytest.mark.parametrize(("width_mhz", "most"), [(20, 46), (80, 18), (160, 10)])
+def test_channels_of_an_ax_card_go_out_in_version_5(width_mhz: int, most: int) -> None:
+    sent = wide(most, width_mhz)
+    assert sent.csi.band and wire.most_channels(sent.csi.band) == most
+    data = wire.encode(sent, KEY)
+    assert (data[4], len(data) <= 1400) == (wire.WIDE_VERSION, True)
+    got = wire.decode(data, KEYS).csi
+    for name in ("coefficients", "scale", "power_dbm", "antenna", "ticks", "band"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(sent.csi, name), name)
+    # The stamps in microseconds follow from the fine clock.
+    assert got.ticks is not None
+    steps = np.diff(got.ticks).astype(np.int64) / 320
+    assert np.abs(np.diff(got.nic_us).astype(np.int64) - steps).max() <= 1.0
+
+
+def test_a_band_that_is_none_or_has_no_channels_is_refused() -> None:
+    body = bytearray(wire.encode(wide(3), KEY)[:-16])
+    for at, value in ((69, 0), (69, 0x3F), (33, 0)):
+        changed = bytearray(body)
+        changed[at] = value
+        with pytest.raises(wire.WireError, match=r"band|channels"):
+            wire.decode(wire.signed(bytes(changed), KEY), KEYS)
+
+
+def test_joined_batches_are_of_the_newest_band() -> None:
+    narrow, newer = datagram(csi=4).csi, wide(3).csi
+    both = wire.joined([narrow, newer, wire.empty_csi()])
+    assert (len(both), both.band) == (3, newer.band)
+    assert len(wire.joined([])) == 0

@@ -38,7 +38,9 @@ def test_a_report_becomes_a_sample_on_its_own_grid() -> None:
     samples, radio = heard([(FEITCSI_CODE, encode_record(record))])
     (sample,) = samples
     channel, hz = thinned(record)
-    assert np.allclose(sample.csi, channel[:, :, 0], atol=1e-3)
+    assert np.allclose(sample.csi[:, 0], channel[:, 0, 0], atol=1e-3)
+    # Both chains are reported at one level: B received 5 dB less.
+    assert np.allclose(sample.csi[:, 1], channel[:, 1, 0] * 10 ** (-5 / 20), atol=1e-3)
     assert sample.subcarrier_hz is not None and np.array_equal(sample.subcarrier_hz, hz)
     assert (sample.peer, sample.frame, sample.nic_us, sample.fine_us, sample.half_turns) == (
         2,

@@ -32,7 +32,7 @@ def test_halves_of_the_packets_are_one_transmitter_and_others_are_others(monkeyp
         profiles = []
         for first in (0, 1):
             part = slice(first, None, 2)
-            kept = {name: values[part] for name, values in more.items()}
+            kept = {name: values[part] if np.ndim(values) else values for name, values in more.items()}
             aperture = whole(t_s[part], p_m[part], channel[part], wavelength_m, **kept)
             profiles.append(fingerprint(ESTIMATORS["robust"]().estimate(aperture)[1]))
         halves.append(likeness(*profiles))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -13,14 +14,17 @@ from companion.neighbours import wire
 from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sensing.window import SarWindow
+from companion.sensing.worker_wire import aperture_of, request_of
 from csi_bridge.encoder import encode_body
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
-from tests import csi_records, feit_records
-from tests.leg_scene import KEY, LEVER_M, Scene, poses_of
+from tests import ax_leg, csi_records, feit_records
+from tests.leg_scene import BEACON_LEVER_M, KEY, LEVER_M, Scene, poses_of
 from tests.manual_clock import ManualClock
 from wsr.channel import wavelength_m
+from wsr.estimators.robust import Robust
+from wsr.geometry import direction, great_circle
 
 
 @pytest.mark.parametrize("azimuth_deg", [10, 100, -130])
@@ -87,3 +91,27 @@ def test_the_window_keeps_samples_of_both_cards() -> None:
         window.add_sample(sample)
         window.add_sample(replace(sample, peer=4))
     assert [sample.peer for sample in samples] == [2, 3, 2, 3]
+
+
+@pytest.mark.parametrize("width_mhz", [20, 80])
+def test_the_bearing_of_a_leg_with_ax_cards(width_mhz: Literal[20, 80]) -> None:
+    window, neighbour, sent = ax_leg.flown(width_mhz)
+    assert {data[4] for data in sent} <= {wire.VERSION, wire.WIDE_VERSION}
+    assert max(map(len, sent)) <= 1400
+    report = window.cut(neighbour, ax_leg.FIRST_NS, ax_leg.FIRST_NS + 3 * NS_PER_S)
+    assert report.aperture is not None, report.refusal
+    assert report.aperture.packets > 0.75 * report.received
+    aperture = aperture_of(request_of(1, 2, report.aperture))
+    assert aperture.half_turns and aperture.grid.size == {20: 30, 80: 124}[width_mhz]
+    estimate = Robust().estimate(aperture)[0]
+    t_s = np.array([1.0 + estimate.reference_t_s])
+    away = ax_leg.BEACON.antennas_at(t_s, np.array([BEACON_LEVER_M])) - ax_leg.UAV.antennas_at(t_s, np.array([LEVER_M]))
+    found = direction(estimate.azimuth_rad, estimate.polar_rad)
+    assert math.degrees(float(great_circle(found, away[0, 0] / np.linalg.norm(away[0, 0])))) < 3.0
+
+
+def test_channels_of_another_band_are_refused_by_name() -> None:
+    window, _, _ = ax_leg.flown(80)
+    _, neighbour, _ = ax_leg.flown(20)
+    report = window.cut(neighbour, ax_leg.FIRST_NS, ax_leg.FIRST_NS + 3 * NS_PER_S)
+    assert "heard over HE 80 MHz and sends channels of HE 20 MHz" in report.refusal

@@ -15,6 +15,7 @@ from csi_bridge.feitcsi.channel import channel
 from csi_bridge.feitcsi.clock import fine_us
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.parser import parse_record
+from csi_bridge.feitcsi.records import FeitRecord
 from tests.feit_records import same
 from tests.sim_scenes import CLEAN_RADIO, scene, straight, weave
 
@@ -97,7 +98,8 @@ def test_the_same_records_come_in_whatever_pieces() -> None:
     world_ = replace(world(40, 9), radio=replace(ax210_radio(CLEAN_RADIO, 40), loss_probability=0.1))
     uav, beacon = weave(2.0), straight(np.array([9.0, 0.0, 0.5]), np.zeros(3), 0.0, 3.0, 0.0)
     whole = AxRadioLink(world_).advance(1.8, uav, beacon)
-    link, pieces = AxRadioLink(world_), ([], [])  # type: tuple[AxRadioLink, tuple[list[FeitRecord], list[FeitRecord]]]
+    link = AxRadioLink(world_)
+    pieces: tuple[list[FeitRecord], list[FeitRecord]] = ([], [])
     for until_s in (0.3, 0.9, 1.0, 1.8):
         for kept, new in zip(pieces, link.advance(until_s, uav, beacon), strict=True):
             kept += new

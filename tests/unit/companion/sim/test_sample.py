@@ -12,9 +12,10 @@ from click.testing import CliRunner
 from companion.cli import program
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_sample_recording_gives_its_bearing(tmp_path: Path, seed: int) -> None:
-    written = CliRunner().invoke(program, ["demo", "--recording", str(tmp_path / "run"), "--seed", str(seed)])
+@pytest.mark.parametrize(("seed", "card"), [(1, "5300"), (2, "5300"), (1, "ax210"), (3, "ax210")])
+def test_a_sample_recording_gives_its_bearing(tmp_path: Path, seed: int, card: str) -> None:
+    wanted = ["--recording", str(tmp_path / "run"), "--seed", str(seed), "--card", card]
+    written = CliRunner().invoke(program, ["demo", *wanted])
     assert written.exit_code == 0, written.output
     found = re.search(r"azimuth (-?[\d.]+), elevation (-?[\d.]+) deg", written.output)
     assert found is not None

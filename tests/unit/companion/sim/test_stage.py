@@ -46,3 +46,12 @@ def test_an_unknown_scene_is_refused_with_the_list() -> None:
     result = CliRunner().invoke(demo, ["--scene", "hell"])
     assert result.exit_code == 2
     assert "'hell' is not one of 'open', 'hall', 'far'" in result.output
+
+
+def test_with_ax_cards_both_robots_hear_80_mhz_and_nothing_else_changes(tmp_path: Path) -> None:
+    (tmp_path / "ax").mkdir()
+    stage = set_stage(tmp_path / "ax", tmp_path, seed=2, use_netlink=False, scene="hard", card="ax210")
+    radio = load_scenario(tmp_path / "ax" / "scenario.json").radio
+    assert (radio.card, radio.width_mhz, radio.channel) == ("ax210", 80, 106)
+    assert radio.reflectors == _scenario(tmp_path / "plain", "hard").radio.reflectors
+    assert (stage.transport, stage.uav.csi.channel) == ("unix", 108)
