@@ -73,6 +73,8 @@ class LiveFeed:
         self._clock = clock
         self._wall_minus_mono_ns = time.time_ns() - time.monotonic_ns()
         self._kept: deque[tuple[Stream, int, int, Any]] = deque(maxlen=_KEPT)
+        self._newest: dict[str, tuple[Stream, int, int, Any]] = {}
+        """Of streams without a rate, such as the mission's state: who comes later is told it too."""
         self._wanted: frozenset[str] = frozenset()
         """Topics of which messages are kept: replaced as a whole, by the thread."""
         self._subscribed: frozenset[str] = frozenset()
@@ -95,8 +97,11 @@ class LiveFeed:
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         """As a Recorder: for the log, and for viewers."""
         self._inner.record(stream, t_mono_ns, message)
-        if stream.topic in self._wanted:
-            self._kept.append((stream, self._clock.now_ns(), t_mono_ns, message))
+        if stream.topic in self._wanted or not stream.rate_hz:
+            one = stream, self._clock.now_ns(), t_mono_ns, message
+            self._kept.append(one)
+            if not stream.rate_hz:
+                self._newest[stream.topic] = one
 
     def start(self) -> None:
         self._thread = threading.Thread(target=self._run, name="live feed", daemon=True)
@@ -116,6 +121,7 @@ class LiveFeed:
         with self._lock:
             self._close_socket()
             self._socket, self._subscribed, self._channels = server, frozenset(), {}
+            self._kept.extend(list(self._newest.values()))
             self._choose()
 
     def detach(self) -> None:
@@ -135,7 +141,8 @@ class LiveFeed:
             while self._socket is not None and (data := self._socket.recv(_CONTROL_BYTES)):
                 told = data
         if told:
-            self._subscribed = frozenset(msgspec.json.decode(told, type=list[str]))
+            before, self._subscribed = self._subscribed, frozenset(msgspec.json.decode(told, type=list[str]))
+            self._kept.extend(one for one in list(self._newest.values()) if one[0].topic in self._subscribed - before)
             self._choose()
 
     def _choose(self) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.config.file import save_config
-from companion.config.schema import AutopilotConfig, PageConfig, TakConfig, TeamConfig
+from companion.config.schema import AutopilotConfig, FoxgloveConfig, PageConfig, TakConfig, TeamConfig
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
@@ -165,6 +165,7 @@ async def flying(
     autopilot: dict[str, Any] | None = None,
     page: PageConfig | None = None,
     px4_options: tuple[str, ...] = (),
+    foxglove: FoxgloveConfig | None = None,
     **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
@@ -174,6 +175,7 @@ async def flying(
     """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), out, SEED, use_netlink=False)
+        stage = replace(stage, uav=replace(stage.uav, foxglove=foxglove or stage.uav.foxglove))
         stage = _with_camera(stage, mission, real_url, autopilot or {}, page)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
