@@ -22,12 +22,13 @@ async def test_fault_51_the_ground_sees_who_flies_and_a_flood_of_refusals_costs_
     ground, since_s = flying.ground, time.monotonic()
     assert ground is not None
     await flying.stand()
-    await flying.fly("approaching")
+    await flying.fly()
     await flying.px4("forget gaps")
 
     def is_shown() -> bool:
-        values = ground.values(since_s)
-        return values.get("wsr_state") == 4.0 and values["wsr_range"] > 0 and values["wsr_rel"] > 0
+        known = {one.name for one in ground.of("NAMED_VALUE_FLOAT", since_s) if one.value > 0}
+        is_flying = any("acquiring (offboard_confirmed)" in text for text in ground.sentences(since_s))
+        return is_flying and {"wsr_state", "wsr_brg", "wsr_rel", "wsr_range"} <= known
 
     await asyncio.to_thread(ground.wait, is_shown)
     said = ground.sentences(since_s)

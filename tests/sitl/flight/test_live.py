@@ -17,7 +17,7 @@ _SHOWN = ("/vehicle", "/bearing", "/setpoint", "/tf", "/mission")
 
 
 async def test_fault_55_a_live_server_stopped_besieged_and_killed_costs_the_flight_nothing(flying: Flying) -> None:
-    await flying.fly("approaching")
+    await flying.fly()
     port = flying.stage.uav.foxglove.port
     async with viewing(f"ws://127.0.0.1:{port}") as viewer, asyncio.timeout(60.0):
         while not set(_SHOWN) <= set(viewer.channels):  # noqa: ASYNC110 - it is polled
