@@ -231,11 +231,11 @@ class Flight:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
         self._measure(now_ns, moving)
         setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving, self._targets.others())
-        mission = self._config.mission
-        if (mission.setpoints == "velocity" or mission.vehicle == "rover") and vehicle.p_local_enu_m is not None:
-            setpoint = as_velocity(setpoint, vehicle.p_local_enu_m, self._gate.limits)
-            if mission.vehicle == "rover":
-                setpoint = in_plane(setpoint, vehicle.p_local_enu_m)
+        mission, p_m = self._config.mission, vehicle.p_local_enu_m
+        if mission.vehicle == "rover" and p_m is not None:
+            setpoint = in_plane(setpoint, p_m, self._gate.limits)
+        elif mission.setpoints == "velocity" and p_m is not None:
+            setpoint = as_velocity(setpoint, p_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
         verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
         if self._refusals.note(verdict.reasons, now_ns, self._frame.is_stepping(now_ns)):

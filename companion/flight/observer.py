@@ -38,7 +38,7 @@ class Observer:
             now_ns, p_m, target.azimuth_rad, self._mission, ground_m + self._mission.takeoff_height_m
         )
         if self._mission.vehicle == "rover":
-            wanted = in_plane(wanted, p_m)
+            wanted = in_plane(wanted, p_m, self._gate.limits)
         verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), ground_m)
         self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 

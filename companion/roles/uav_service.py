@@ -88,7 +88,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             page.start(uav.flight.status)
             ground.start(uav.flight.status, edges[-1].ground)
             team.start()
-            tak.start(dict)
+            tak.start(lambda: {"target_id": uav.flight.knowledge.neighbour.id})
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
             notify("READY=1")

@@ -56,17 +56,28 @@ class Picture:
         self._known: Data = {}
         self._newest: dict[str, tuple[int, Data]] = {}
         self._t_ns = 0
+        self._aimed_at: int | None = None
+        """The robot that is flown to: a person may name another one in flight."""
 
     def take(self, topic: str, t_ns: int, data: Data) -> None:
         if topic == "introduction":
-            self._known, self._newest = data, {}
+            self._known, self._newest, self._aimed_at = data, {}, data.get("target")
+        elif topic == "status" and "target_id" in data:
+            self._aim_at(int(data["target_id"]))
         elif topic in ("/vehicle", "/target", "/bearing", "/mission"):
-            if topic in ("/target", "/bearing") and data.get("peer") != self._known.get("target"):
+            if topic in ("/target", "/bearing") and data.get("peer") != self._aimed_at:
                 return
             if topic == "/bearing" and data["estimate"] is None:
                 return
             self._newest[topic] = t_ns, data
         self._t_ns = max(self._t_ns, t_ns)
+
+    def _aim_at(self, peer: int) -> None:
+        """What was told of the robot before is none of this one."""
+        if peer != self._aimed_at:
+            self._aimed_at = peer
+            for topic in ("/target", "/bearing"):
+                self._newest.pop(topic, None)
 
     def events(self) -> list[CotEvent]:
         """None without a fix of our own: everything else is told from there."""
@@ -176,7 +187,7 @@ class Picture:
         return "link", {"uid": self._telling.uid, "type": DRONE, "relation": "p-p"}, ""
 
     def _name(self) -> str:
-        return str(self._known.get("peers", {}).get(str(self._known.get("target")), "target"))
+        return str(self._known.get("peers", {}).get(str(self._aimed_at), "target"))
 
 
 def _compass_deg(azimuth_rad: float) -> float:

@@ -28,10 +28,14 @@ _HERE: Vector3 = (3.0, -2.0, 0.1)
 
 
 def test_it_is_told_a_velocity_in_the_plane_and_to_stand_a_place() -> None:
-    moving = in_plane(Setpoint(7, None, (0.3, -0.1, 0.2), 1.0), _HERE)
-    assert moving == Setpoint(7, None, (0.3, -0.1, 0.0), None)
-    standing = in_plane(Setpoint(7, None, (0.03, -0.03, 0.4), 1.0), _HERE)
-    assert standing == Setpoint(7, _HERE, (0.0, 0.0, 0.0), None)
+    assert in_plane(Setpoint(7, _HERE, (0.3, -0.1, 0.2), 1.0), _HERE, _LIMITS) == Setpoint(
+        7, None, (0.3, -0.1, 0.0), None
+    )
+    behind = in_plane(Setpoint(7, (3.5, -2.0, 0.9), (0.3, -0.1, 0.0), 1.0), _HERE, _LIMITS)
+    assert behind.p_local_enu_m is None
+    assert behind.v_local_enu_m_s == pytest.approx((0.7, -0.1, 0.0)), "it is led back to its path"
+    stops = in_plane(Setpoint(7, (3.5, -2.0, 0.1), (0.03, -0.03, 0.4), 1.0), _HERE, _LIMITS)
+    assert stops == Setpoint(7, _HERE, (0.0, 0.0, 0.0), None), "and not led on, where the path stands"
 
 
 def _path(aim: Aim | None, rate_hz: int = 20) -> np.ndarray:

@@ -95,3 +95,19 @@ def test_what_is_old_or_another_robots_is_not_told() -> None:
     assert len(told(("/bearing", 95 * S, iteration(peer=PEER + 1)))) == 1
     assert len(told(("/bearing", 95 * S, iteration(peer=PEER) | {"estimate": None}))) == 1
     assert len(told(("/target", 80 * S, target()))) == 1
+
+
+def test_another_robot_that_is_flown_to_is_told_and_the_one_before_no_more() -> None:
+    here = known(peers={str(PEER): "alpha", "7": "beta"})
+    picture = Picture(TELLING)
+    picture.take("introduction", 0, here)
+    picture.take("/vehicle", 100 * S, vehicle(gps=GPS))
+    picture.take("/target", 99 * S, target())
+    picture.take("/target", 99 * S, target(peer=7))
+    assert "alpha" in {read_cot(xml(event, NOW)).of("contact")["callsign"] for event in picture.events()}
+    picture.take("status", 100 * S, {"target_id": PEER})
+    assert len(picture.events()) == 3
+    picture.take("status", 100 * S, {"target_id": 7})
+    assert len(picture.events()) == 1
+    picture.take("/target", 100 * S, target(peer=7))
+    assert "beta" in {read_cot(xml(event, NOW)).of("contact")["callsign"] for event in picture.events()}
