@@ -37,6 +37,8 @@ _ROBOTS: Final = 2
 _AX_WIDTH_MHZ: Final = 80
 _AX_GAINS_DB: Final = (0.0, -3.0, -99.0)
 _AX_BUDGET_BYTES_S: Final = 10_000.0
+_AX_RATE_HZ: Final = 100.0
+"""What a ping and its answer from user space leave room for, and a third less to simulate."""
 _TRANSPORTS: Final = {"5300": "netlink", "ax210": "nl80211"}
 
 Card = Literal["5300", "ax210"]
@@ -285,7 +287,8 @@ def _with_ax_cards(scenario: Scenario) -> Scenario:
     uav, beacon = (
         dataclasses.replace(robot, antenna_gain_db=_AX_GAINS_DB) for robot in (scenario.uav, scenario.beacon)
     )
-    return dataclasses.replace(scenario, uav=uav, beacon=beacon, radio=ax210_radio(scenario.radio, _AX_WIDTH_MHZ))
+    radio = dataclasses.replace(ax210_radio(scenario.radio, _AX_WIDTH_MHZ), exchange_rate_hz=_AX_RATE_HZ)
+    return dataclasses.replace(scenario, uav=uav, beacon=beacon, radio=radio)
 
 
 def _robot(config: Config, mac: str, oscillator_ppm: float, clock_offset_s: float) -> RobotScenario:
