@@ -89,9 +89,11 @@ def jitter_s(turnaround_s: Array, our_clock_s: Array, offset_hz: float, waveleng
     return np.asarray(left - np.median(left))
 
 
-@compiled
 def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
-    """Slope of the turnaround over the clock, by least squares with weights that forget outliers, and its deviation."""
+    """Slope of the turnaround over the clock, by least squares with weights that forget outliers, and its deviation.
+
+    Not compiled: half a millisecond here is less than five seconds of a first start, most of them for a median.
+    """
     x, y = clock_s - clock_s.mean(), turnaround_s - np.median(turnaround_s)
     weight, slope, std = np.ones_like(x), 0.0, 0.0
     for _ in range(_SKEW_STEPS):
