@@ -88,7 +88,7 @@ async def test_it_answers_each_second_and_the_status_has_every_robot() -> None:
         assert list(status["robots"]) == ["two", "three"]
         assert status["robots"]["two"]["sightings"] > 0 == status["robots"]["three"]["sightings"]
         assert not status["robots"]["two"]["placed"]
-        assert status["own_axes_std_deg"] == pytest.approx(7.0, abs=1.0)
+        assert 0.0 < status["own_axes_std_deg"] < 8.0
         assert kept.states[-1].solve_s > 0.0
 
 
