@@ -185,7 +185,7 @@ class MavsdkLink:
             return f"autopilot {self.url}: {found} is no PX4 and is left alone"
         ours = "an autopilot" if self.system_id is None else f"system {self.system_id}"
         left = f"; heard and left alone: {others}" if others else ""
-        return f"autopilot {self.url}: no heartbeat of {ours} within {timeout_s:g} s{left}"
+        return f"autopilot {self.url}: no heartbeat of {ours} within {max(1, round(timeout_s))} s{left}"
 
     def _subscribe(self, system: Any) -> None:
         """The library takes no part in TIMESYNC (`enable_timesync`): it would answer with the vehicle's time as it

@@ -102,6 +102,7 @@ def test_over_a_serial_line(tmp_path: Path) -> None:
         wait_until(lambda: "it is gone" in relay.said or "Input/output error" in relay.said)
 
 
+@pytest.mark.long
 def test_fault_52_of_100_000_forged_and_unsigned_frames_none_is_taken_and_set_points_go_on(relay: RelayProcess) -> None:
     vehicle, inner = connected(relay)
     frames = [vehicle.frame(number) for number in range(20)]

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.asyncio(loop_scope="package")
 _SHOWN = ("/vehicle", "/bearing", "/setpoint", "/tf", "/mission")
 
 
+@pytest.mark.long
 async def test_fault_55_a_live_server_stopped_besieged_and_killed_costs_the_flight_nothing(flying: Flying) -> None:
     await flying.fly()
     port = flying.stage.uav.foxglove.port

@@ -18,6 +18,7 @@ _SENDER = "companion.tak.sender"
 _PATIENCE_S = 60.0
 
 
+@pytest.mark.long
 async def test_fault_60_tak_killed_or_stopped_costs_the_flight_nothing(flying: Flying) -> None:
     await flying.fly()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:

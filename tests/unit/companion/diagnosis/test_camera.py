@@ -45,6 +45,9 @@ async def test_a_camera_that_is_not_there_is_named_by_its_ids(config: Config, tm
 async def test_the_readers_own_environment_is_tried(
     config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    import libusb_package
+
+    monkeypatch.setenv("LD_PRELOAD", str(libusb_package.get_library_path()))  # whether or not the system has one
     monkeypatch.chdir(ROOT)  # where its own installation has the program
     (tmp_path / "opt/companion/current").mkdir(parents=True)
     (tmp_path / "opt/companion/current/t265").symlink_to(ROOT / ".venv-t265")
