@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from companion.pose.trajectory_columns import TrajectoryError
+from csi_bridge.regular_file import open_regular
 
 _TYPES: Final = {
     "geometry_msgs/msg/PoseStamped": "PoseStamped",
@@ -47,6 +48,7 @@ def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[fl
     bag, topic = _parted(path)
     if not bag.exists():
         raise TrajectoryError(f"{bag}: No such file or directory")
+    _refuse_what_waits(bag)
     highlevel, typesys = _library("rosbags.highlevel", bag), _library("rosbags.typesys", bag)
     try:
         known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -64,6 +66,17 @@ def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[fl
         notes.append(f"{path}: {connection.topic} has no stamps in its headers; the bag's own times are used")
         stamped = [(number, [t_ns / _NS, *values[1:]]) for number, t_ns, values in rows]
     return f"rosbag2, {connection.topic} ({kind})", stamped
+
+
+def _refuse_what_waits(bag: Path) -> None:
+    """The library opens the bag's files itself, and would wait for somebody to write into a named pipe."""
+    for path in sorted(bag.iterdir()) if bag.is_dir() else [bag]:
+        if path.is_dir():
+            continue
+        try:
+            open_regular(path).close()
+        except OSError as error:
+            raise TrajectoryError(f"{path}: {error.strerror}") from None
 
 
 def _parted(path: Path) -> tuple[Path, str]:

@@ -166,16 +166,19 @@ async def flying(
     page: PageConfig | None = None,
     px4_options: tuple[str, ...] = (),
     foxglove: FoxgloveConfig | None = None,
+    beside: bool = False,
     **mission: Any,
 ) -> AsyncIterator[Flying]:
     """A cast whose camera is a child of the service. `autopilot` and `mission` replace values of those sections of the
-    configuration; with `page` it has one, a team, and tells TAK on loopback.
+    configuration; with `page` it has one; with what stands `beside` it a team, and tells TAK on loopback.
 
     With `real_url` an autopilot is there already, and whoever asks for it tells the world where its vehicle truly is.
     """
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), out, SEED, use_netlink=False)
-        stage = replace(stage, uav=replace(stage.uav, foxglove=foxglove or stage.uav.foxglove))
+        tak = TakConfig(enabled=beside, address="127.0.0.1", port=_free_udp_port(), period_s=0.5)
+        more = {"foxglove": foxglove or stage.uav.foxglove, "team": TeamConfig(enabled=beside), "tak": tak}
+        stage = replace(stage, uav=replace(stage.uav, **more))
         stage = _with_camera(stage, mission, real_url, autopilot or {}, page)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
@@ -213,8 +216,6 @@ def _with_camera(
         pose=replace(stage.uav.pose, reader_command=reader),
         mission=replace(stage.uav.mission, **{"hold_limit_s": HOLD_LIMIT_S} | mission),
         page=page or stage.uav.page,
-        team=TeamConfig(enabled=page is not None),
-        tak=TakConfig(enabled=page is not None, address="127.0.0.1", port=_free_udp_port(), period_s=0.5),
     )
     assert uav.autopilot is not None
     uav = replace(uav, autopilot=AutopilotConfig(real_url or uav.autopilot.url, **autopilot))

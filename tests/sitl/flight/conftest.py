@@ -15,17 +15,19 @@ from tests.sitl.ground_link import GroundLink
 
 
 @pytest_asyncio.fixture(loop_scope="package", scope="package")
-async def flying(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Flying]:
+async def flying(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Flying]:
     autopilot = {"engage_rc_channel": 3, "forward_vio_hz": 30.0, "ground_hz": 2.0}
     with socket.socket() as probe, socket.socket() as other:
         probe.bind(("127.0.0.1", 0))
         other.bind(("127.0.0.1", 0))
         page = PageConfig(enabled=True, port=probe.getsockname()[1])
-        live = FoxgloveConfig(enabled=True, port=other.getsockname()[1])
+        # Team, TAK and the live server cost the flight processor; the flights that are about them are long tests.
+        beside = request.config.getoption("markexpr") != "not long"
+        live = FoxgloveConfig(enabled=beside, port=other.getsockname()[1])
     folder = tmp_path_factory.mktemp("flight")
     with GroundLink() as ground:
         async with running(
-            folder, autopilot=autopilot, page=page, px4_options=ground.options, foxglove=live
+            folder, autopilot=autopilot, page=page, px4_options=ground.options, foxglove=live, beside=beside
         ) as started:
             started.ground = ground
             yield started

@@ -17,6 +17,7 @@ _WORKER = "companion.team.worker"
 _PATIENCE_S = 60.0
 
 
+@pytest.mark.long
 async def test_fault_59_a_team_killed_or_stopped_costs_the_flight_nothing(flying: Flying) -> None:
     await flying.fly()
     team = await _told(flying, lambda team: any(robot["sightings"] for robot in team["robots"].values()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 from companion.analysis.imported import analyze_session
 from companion.log.reader import open_session
+from companion.pose.trajectory_bag import read_bag
 from companion.pose.trajectory_columns import TrajectoryError
 from companion.pose.trajectory_file import read_trajectory_file
 from tests.bags import Stamped, write_bag
@@ -121,3 +123,12 @@ def test_a_recorded_run_with_its_trajectory_in_a_bag_is_imported_and_analysed(
     (link,) = analyze_session(open_session(log)).links
     assert link.estimate is not None
     assert np.degrees(link.estimate.azimuth_rad) == pytest.approx(by_text, abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag/bag_0.mcap", "bag/metadata.yaml"])
+def test_a_named_pipe_in_the_place_of_a_file_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    pipe = tmp_path / name
+    pipe.parent.mkdir(exist_ok=True)
+    os.mkfifo(pipe)
+    with pytest.raises(TrajectoryError, match=f"{name}: a named pipe, expected a file"):
+        read_bag(pipe if name == "bag.mcap" else pipe.parent, [])
