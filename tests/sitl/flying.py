@@ -177,8 +177,8 @@ async def flying(
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), out, SEED, use_netlink=False)
         tak = TakConfig(enabled=beside, address="127.0.0.1", port=_free_udp_port(), period_s=0.5)
-        more = {"foxglove": foxglove or stage.uav.foxglove, "team": TeamConfig(enabled=beside), "tak": tak}
-        stage = replace(stage, uav=replace(stage.uav, **more))
+        team, live = TeamConfig(enabled=beside), foxglove or stage.uav.foxglove
+        stage = replace(stage, uav=replace(stage.uav, foxglove=live, team=team, tak=tak))
         stage = _with_camera(stage, mission, real_url, autopilot or {}, page)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
