@@ -51,7 +51,9 @@ def test_fault_43_missions_whose_arming_checks_fail_keep_the_promises(block: int
 def flight_with(*faults: Fault, **changes: Any) -> Scenario:
     """In the air, engaged after 2 s, with these faults."""
     plain = draw(_PLAIN)
-    mission = dataclasses.replace(plain.config.mission, control="fly", limit_s=900.0, setpoints="position")
+    mission = dataclasses.replace(
+        plain.config.mission, control="fly", limit_s=900.0, setpoints="position", arrival_range_m=2.0
+    )
     config = dataclasses.replace(plain.config, mission=dataclasses.replace(mission, **changes))
     engage = Fault(2.0, "engage", "", 0.0, 0.0)
     return dataclasses.replace(

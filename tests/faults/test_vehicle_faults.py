@@ -136,7 +136,7 @@ async def test_fault_33_heights_of_the_autopilots_own_are_looked_at_first(
         assert not flight.report().armed
 
 
-@pytest.mark.parametrize("drift_m", [-0.5, 0.5])
+@pytest.mark.parametrize("drift_m", [-0.5, pytest.param(0.5, marks=pytest.mark.long)])
 async def test_fault_34_heights_count_from_where_it_stood(start: Start, drift_m: float) -> None:
     """The estimate's Up has wandered; PX4 ends its takeoff below the height and climbs on."""
     async with _flying(start(), 1.0) as flight:

@@ -45,6 +45,7 @@ async def test_another_key_is_refused_in_words_and_the_right_one_is_not(flying: 
     await flying.until(lambda one: not any("sign" in text for text in one["not_ready"]))
 
 
+@pytest.mark.long
 async def test_fault_54_a_relay_killed_or_stopped_in_flight_ends_the_stream_and_we_latch(flying: Flying) -> None:
     for number in (signal.SIGKILL, signal.SIGSTOP):
         await flying.fly()

@@ -64,6 +64,7 @@ def test_velocity_bias_and_random_walk() -> None:
     assert walk.robust_mean_deg <= walk.bartlett_mean_deg
 
 
+@pytest.mark.long
 def test_the_linear_phase_is_found_where_it_is_and_not_in_noise() -> None:
     rng = np.random.default_rng(11)
     path = helix_path(rng)

@@ -17,7 +17,7 @@ from tests.unit.companion.autopilot.virtual_vehicle import VirtualVehicle
 _GPS_DENIED = {"SYS_HAS_GPS": 0, "EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 11, "EKF2_HGT_REF": 3, "COM_OBL_RC_ACT": 4}
 
 
-@pytest.mark.parametrize(("clock_rate", "seconds"), [(0.985, 600), (1.00001, 100)])
+@pytest.mark.parametrize(("clock_rate", "seconds"), [pytest.param(0.985, 600, marks=pytest.mark.long), (1.00001, 100)])
 def test_vision_stays_accepted_for_ten_minutes_in_the_vehicles_own_time(clock_rate: float, seconds: float) -> None:
     """PX4 believes the stamps after 50 s: they must be of its own clock, whatever that does."""
     vehicle = VirtualVehicle(parameters=_GPS_DENIED, clock_rate=clock_rate)

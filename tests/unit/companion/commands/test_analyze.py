@@ -257,6 +257,7 @@ def test_one_bad_link_does_not_stop_the_others(cli: Cli, run: RunFolder) -> None
     assert "tx3: " in outcome.out and "empty file" in outcome.out
 
 
+@pytest.mark.long
 @needs_data
 def test_every_recorded_run_with_motion_capture(cli: Cli, tmp_path: Path) -> None:
     outcome = cli(DATA / "wsr_dataset_dev", DATA / "wsr_3d", "--no-pictures", "--json", "r.json")
@@ -274,12 +275,14 @@ def test_every_recorded_run_with_motion_capture(cli: Cli, tmp_path: Path) -> Non
     assert sets["LOS_Set_A"]["median_deg"] < 4.0
 
 
+@pytest.mark.parametrize(
+    ("poses", "limit_deg"), [("mocap", 4.0), ("t265", 6.2), pytest.param("odom", 6.2, marks=pytest.mark.long)]
+)
 @needs_data
-def test_other_pose_sources_on_line_of_sight(cli: Cli, tmp_path: Path) -> None:
-    for poses, limit_deg in (("t265", 6.2), ("odom", 6.2)):
-        assert cli(DATA / "wsr_dataset_dev/LOS_Set_A", "--poses", poses, "--no-pictures", "--json", "r.json").code == 0
-        sets = json.loads((tmp_path / "r.json").read_text())["sets"]
-        assert sets[0]["links"] == 18 and sets[0]["median_deg"] < limit_deg
+def test_each_pose_source_on_line_of_sight(cli: Cli, tmp_path: Path, poses: str, limit_deg: float) -> None:
+    assert cli(DATA / "wsr_dataset_dev/LOS_Set_A", "--poses", poses, "--no-pictures", "--json", "r.json").code == 0
+    sets = json.loads((tmp_path / "r.json").read_text())["sets"]
+    assert sets[0]["links"] == 18 and sets[0]["median_deg"] < limit_deg
 
 
 @needs_data

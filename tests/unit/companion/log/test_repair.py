@@ -30,7 +30,7 @@ def test_repair_makes_a_cut_log_whole_and_replayable(companion: Run, tmp_path: P
     assert "is there already" in err
 
 
-@pytest.mark.parametrize("zeroed", [1, 4096])
+@pytest.mark.parametrize("zeroed", [pytest.param(1, marks=pytest.mark.long), 4096])
 def test_damage_costs_what_it_touched_and_a_replay_ends_before_it(companion: Run, tmp_path: Path, zeroed: int) -> None:
     content = bytearray(FLIGHT.read_bytes())
     middle = len(content) // 2

@@ -23,7 +23,7 @@ def numbers(path: Path) -> list[int]:
     return [int.from_bytes(message.data[-4:], "little") for message in LogScan(path)]
 
 
-@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize("compression", ["zstd", pytest.param("lz4", marks=pytest.mark.long)])
 def test_any_byte_of_a_chunks_head_costs_that_chunk_alone(tmp_path: Path, compression: str) -> None:
     content = log_of(compression=compression)
     chunks = [frame for frame in frames(content) if frame[0] == Opcode.CHUNK]

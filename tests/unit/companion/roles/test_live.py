@@ -137,6 +137,7 @@ def _cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+@pytest.mark.long
 async def test_what_it_costs_with_no_viewer_and_with_one() -> None:
     """Of the server's process, and of this one with the loop that records: with a viewer less without one."""
     port = free_tcp_port()
