@@ -247,6 +247,7 @@ def _open_files() -> int:
     return len(list(Path("/proc/self/fd").iterdir()))
 
 
+@pytest.mark.long
 async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     minutes = runs(2, 30)
     service = _Service(tmp_path_factory.mktemp("s"), tmp_path)

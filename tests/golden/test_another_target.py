@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pytest
 
 from companion.config.schema import Config, Peer
 from companion.core.inputs import Event, Wish
@@ -50,6 +51,7 @@ def _replayed(path: Path) -> ReplayResult:
         return replay_log(player, changed, None)
 
 
+@pytest.mark.long
 def test_a_change_of_target_is_replayed_to_the_byte_and_makes_no_step() -> None:
     (path,) = GOLDEN
     first, second = _replayed(path), _replayed(path)

@@ -16,6 +16,7 @@ pytestmark = pytest.mark.asyncio(loop_scope="package")
 _FLOOD_S = 5.0
 
 
+@pytest.mark.long
 async def test_fault_51_the_ground_sees_who_flies_and_a_flood_of_refusals_costs_the_flight_nothing(
     flying: Flying,
 ) -> None:

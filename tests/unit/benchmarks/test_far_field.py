@@ -150,6 +150,7 @@ def test_a_burst_of_strong_wild_packets_does_not_win() -> None:
     assert _error_deg(estimate, SOME_DIRECTION) < 0.5
 
 
+@pytest.mark.long
 def test_errors_are_as_large_as_the_estimate_says() -> None:
     """Seeded Monte Carlo: normalised squared errors average 1, within what 100 runs can tell."""
     t, p = weave(200)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from companion.analysis.by_time import pair_by_card_time
 
@@ -20,6 +21,7 @@ def exchange(seconds: float, seed: int = 1, skew: float = 5e-6) -> tuple[Array, 
     return answer_us[ours] + 4.2e8, ping_us[theirs] * (1 + skew) + 1.7e9, theirs[:, None] == ours
 
 
+@pytest.mark.long
 def test_packets_of_one_exchange_belong_together_however_long_the_clocks_drift() -> None:
     ours, theirs, same = exchange(90.0)
     i, j = pair_by_card_time(ours, theirs)

@@ -183,6 +183,7 @@ async def test_what_it_costs_with_no_viewer_and_with_one() -> None:
     assert shares["one"][2] > 80
 
 
+@pytest.mark.long
 async def test_fault_55_a_live_server_killed_stopped_and_flooded_costs_the_loop_nothing() -> None:
     port = free_tcp_port()
     async with service(port=port) as (kept, live, late):

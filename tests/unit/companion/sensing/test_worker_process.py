@@ -111,7 +111,7 @@ async def test_a_hanging_worker_is_replaced_in_time() -> None:
         assert pid not in workers()
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGSTOP, marks=pytest.mark.long), signal.SIGKILL])
 async def test_an_idle_worker_that_hangs_or_dies_is_noticed_and_replaced(number: signal.Signals) -> None:
     """Though nobody has asked it anything."""
     told: list[bool] = []

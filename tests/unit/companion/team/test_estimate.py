@@ -54,10 +54,12 @@ def test_while_all_move_the_errors_are_what_the_covariance_says(robots: int, cou
     assert np.median([one.place_error_m for one in late if one.place_error_m is not None]) < 0.8
 
 
+@pytest.mark.long
 def test_overlapping_apertures_counted_whole_would_claim_too_much() -> None:
     assert nees(trials(3, 2, counts_overlaps=True)) > 1.4 * nees(trials(3, 2))
 
 
+@pytest.mark.long
 def test_axes_that_drift_show_and_are_corrected_by_the_others() -> None:
     """Twenty degrees in a minute, of one of five: by its own poses alone nobody would know."""
     world = TeamWorld(robots=5, duration_s=90.0, turning_rad_s=math.radians(20.0) / 60.0, turning_from_s=15.0)
