@@ -135,7 +135,7 @@ def test_doctor_sees_the_antennas_and_packets_of_a_fed_recording(idx: int, tmp_p
     config["csi"]["connector_idx"] = idx
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
     doctor = companion(
-        "doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "6", "--json", tmp_path / "d.json"
+        "doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "10", "--json", tmp_path / "d.json"
     )
     feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(idx), "--rate", "1")
     out, _ = doctor.communicate(timeout=60)
