@@ -25,6 +25,7 @@ def test_rendezvous_is_the_same_mission_whatever_else_is_flown(monkeypatch: pyte
     assert first == one.trial(case, trial_seed(SEED, 7))
 
 
+@pytest.mark.long
 def test_rendezvous_arrives_and_says_so(tmp_path: Path) -> None:
     one = study("rendezvous")
     (case,) = one.plan(Settings(1, DATA, ("hall",)))

@@ -43,7 +43,7 @@ def nees(rows: list[TeamRow]) -> float:
     return sum(one.nees for one in late) / sum(one.degrees for one in late)
 
 
-@pytest.mark.parametrize(("robots", "count"), [(3, 3), (5, 2)])
+@pytest.mark.parametrize(("robots", "count"), [(3, 3), pytest.param(5, 2, marks=pytest.mark.long)])
 def test_while_all_move_the_errors_are_what_the_covariance_says(robots: int, count: int) -> None:
     """NEES in its 95 % band, but for what few trials leave to chance; docs/results/team.md has many."""
     rows = trials(robots, count)
