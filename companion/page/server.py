@@ -24,13 +24,12 @@ from aiohttp import web
 
 from companion.errors import CompanionError
 from companion.host.control_socket import ask
+from companion.host.fed_process import take_feed
 from companion.host.token import read_token
 from companion.page import access
 from companion.page.metrics import CONTENT_TYPE, metrics_text
 from companion.page.viewers import Viewers
 
-_DATAGRAM_BYTES: Final = 1 << 20
-_AT_ONCE: Final = 64
 """Datagrams taken before others have their turn."""
 _DISK_S: Final = 5.0
 _ENGAGE_S: Final = 20.0
@@ -150,32 +149,10 @@ async def _serve(settings: PageSettings, feed: socket.socket) -> None:
     _say({"listening": f"http://{settings.address}:{runner.addresses[0][1]}/"})
     async with asyncio.TaskGroup() as tasks:
         others = [tasks.create_task(viewers.run()), tasks.create_task(_watch_disk(viewers))]
-        await _take_feed(feed, viewers)
+        await take_feed(feed, lambda data: viewers.take(json.loads(data)))
         for task in others:
             task.cancel()
     await runner.cleanup()
-
-
-async def _take_feed(feed: socket.socket, viewers: Viewers) -> None:
-    """Until nobody holds the other end."""
-    loop, ended = asyncio.get_running_loop(), asyncio.Event()
-
-    def drain() -> None:
-        for _ in range(_AT_ONCE):
-            try:
-                data = feed.recv(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                return
-            except ConnectionError:
-                data = b""
-            if not data:
-                loop.remove_reader(feed)
-                ended.set()
-                return
-            viewers.take(json.loads(data))
-
-    loop.add_reader(feed, drain)
-    await ended.wait()
 
 
 async def _watch_disk(viewers: Viewers) -> None:

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-import socket
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Final
@@ -14,16 +11,12 @@ from typing import Any, Final
 from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
-from companion.host.child import tied
+from companion.host.fed_process import keep_fed
 from companion.log.feed import STATUS, Feed, introduction
 from companion.log.lines import record_lines
 
 _log = logging.getLogger(__name__)
 _STATUS_S: Final = 1.0
-_FIRST_WAIT_S: Final = 1.0
-_LONGEST_WAIT_S: Final = 30.0
-_LASTED_S: Final = 60.0
-"""A process that has lived for so long is started again at once when it goes."""
 
 
 class FedProcess(ABC):
@@ -66,7 +59,9 @@ class FedProcess(ABC):
         lines = record_lines(_ForFeed(feed))
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._keep(feed), name=f"{self.name} process")
+                tasks.create_task(
+                    keep_fed(self.name, self.module, self.settings(), feed.attach), name=f"{self.name} process"
+                )
                 tasks.create_task(self._tell(feed, status), name=f"{self.name} status")
         finally:
             logging.getLogger().removeHandler(lines)
@@ -76,39 +71,6 @@ class FedProcess(ABC):
         while True:
             feed.tell(STATUS, self._clock.now_ns(), status())
             await asyncio.sleep(_STATUS_S)
-
-    async def _keep(self, feed: Feed) -> None:
-        """Never ends and never fails: what is shown is worth no flight."""
-        loop, wait_s = asyncio.get_running_loop(), _FIRST_WAIT_S
-        while True:
-            begun_s = loop.time()
-            try:
-                code = await self._serve(feed)
-                _log.warning("the %s's process ended with code %d; starting another", self.name, code)
-            except OSError as error:
-                _log.warning("the %s's process cannot be started: %s", self.name, error.strerror)
-            wait_s = _FIRST_WAIT_S if loop.time() - begun_s > _LASTED_S else min(2 * wait_s, _LONGEST_WAIT_S)
-            await asyncio.sleep(wait_s)
-
-    async def _serve(self, feed: Feed) -> int:
-        """One process, until it ends; its exit code. Raises OSError."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            command = tied("nice", "-n", "5", sys.executable, "-m", self.module, self.settings())
-            try:
-                process = await asyncio.create_subprocess_exec(
-                    *command, stdin=theirs.fileno(), stdout=asyncio.subprocess.DEVNULL
-                )
-            except BaseException:
-                ours.close()
-                raise
-        try:
-            await asyncio.to_thread(feed.attach, ours)
-            return await process.wait()
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
 
     def _tell_failure(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:

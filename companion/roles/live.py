@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import importlib.util
 import logging
-import socket
-import sys
 from typing import Final
 
 import msgspec
@@ -16,14 +13,11 @@ from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.errors import ConfigError
-from companion.host.child import tied
+from companion.host.fed_process import keep_fed
 from companion.host.token import read_token
 from companion.log.live import LiveFeed
 
 _log = logging.getLogger(__name__)
-_FIRST_WAIT_S: Final = 1.0
-_LONGEST_WAIT_S: Final = 30.0
-_LASTED_S: Final = 60.0
 LIVE: Final = "companion.live.server"
 """Its module: a process of its own, of a room that nothing here imports."""
 _EXTRA: Final = "foxglove.enabled: needs the library foxglove-sdk: pip install 'wsr-companion[foxglove]'"
@@ -66,42 +60,9 @@ class LiveStreams:
     async def _run(self, feed: LiveFeed) -> None:
         feed.start()
         try:
-            await self._keep(feed)
+            await keep_fed("live server", LIVE, self._settings(), feed.attach)
         finally:
             await asyncio.to_thread(feed.close)
-
-    async def _keep(self, feed: LiveFeed) -> None:
-        """Never ends and never fails: a picture is worth no flight."""
-        loop, wait_s = asyncio.get_running_loop(), _FIRST_WAIT_S
-        while True:
-            begun_s = loop.time()
-            try:
-                code = await self._serve(feed)
-                _log.warning("the live server's process ended with code %d; starting another", code)
-            except OSError as error:
-                _log.warning("the live server's process cannot be started: %s", error.strerror)
-            wait_s = _FIRST_WAIT_S if loop.time() - begun_s > _LASTED_S else min(2 * wait_s, _LONGEST_WAIT_S)
-            await asyncio.sleep(wait_s)
-
-    async def _serve(self, feed: LiveFeed) -> int:
-        """One process, until it ends; its exit code. Raises OSError."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            command = tied("nice", "-n", "5", sys.executable, "-m", LIVE, self._settings())
-            try:
-                process = await asyncio.create_subprocess_exec(
-                    *command, stdin=theirs.fileno(), stdout=asyncio.subprocess.DEVNULL
-                )
-            except BaseException:
-                ours.close()
-                raise
-        try:
-            await asyncio.to_thread(feed.attach, ours)
-            return await process.wait()
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
 
     def _settings(self) -> str:
         config, live = self._config, self._config.foxglove

@@ -21,12 +21,11 @@ from typing import Final
 import msgspec
 
 from companion.errors import CompanionError
+from companion.host.fed_process import take_feed
 from companion.tak.events import xml
 from companion.tak.links import CotLink, TlsLink, UdpLink, tls_context
 from companion.tak.picture import Picture, Telling
 
-_DATAGRAM_BYTES: Final = 1 << 20
-_AT_ONCE: Final = 64
 _SILENT_S: Final = 5.0
 """Of a service that says nothing for longer nothing is told either."""
 
@@ -72,35 +71,24 @@ async def _serve(settings: TakSettings, feed: socket.socket) -> None:
     """Until the feed ends."""
     link, picture = open_link(settings), Picture(settings.telling)
     loop = asyncio.get_running_loop()
-    ended, heard_s = asyncio.Event(), [loop.time()]
+    heard_s = loop.time()
 
-    def drain() -> None:
-        for _ in range(_AT_ONCE):
-            try:
-                data = feed.recv(_DATAGRAM_BYTES)
-            except BlockingIOError:
-                return
-            except ConnectionError:
-                data = b""
-            if not data:
-                loop.remove_reader(feed)
-                ended.set()
-                return
-            heard_s[0] = loop.time()
-            message = json.loads(data)
-            picture.take(message["topic"], message["t_ns"], message["data"])
+    def take(data: bytes) -> None:
+        nonlocal heard_s
+        heard_s = loop.time()
+        message = json.loads(data)
+        picture.take(message["topic"], message["t_ns"], message["data"])
 
     async def tell() -> None:
         while True:
             await asyncio.sleep(settings.period_s)
-            if loop.time() - heard_s[0] < _SILENT_S:
+            if loop.time() - heard_s < _SILENT_S:
                 now = datetime.now(UTC)
                 link.send([xml(event, now) for event in picture.events()])
 
-    loop.add_reader(feed, drain)
     async with asyncio.TaskGroup() as tasks:
         others = [tasks.create_task(link.run()), tasks.create_task(tell())]
-        await ended.wait()
+        await take_feed(feed, take)
         for task in others:
             task.cancel()
 

@@ -20,7 +20,7 @@ from csi_bridge.feitcsi.clock import fine_us
 from csi_bridge.feitcsi.log import is_feitcsi
 from csi_bridge.feitcsi.parser import FeitLogParser
 from csi_bridge.feitcsi.records import FeitRecord
-from csi_bridge.records import MAX_ANTENNAS, CsiError
+from csi_bridge.records import MAX_ANTENNAS
 from csi_bridge.regular_file import open_regular
 
 _PIECE: Final = 1 << 20
@@ -44,15 +44,9 @@ def read_csi_log(path: Path, wanted: Wanted | None = None) -> CsiLog:
         with open_regular(path) as file:
             while piece := file.read(_PIECE):
                 parser.feed(piece)
-                while True:
-                    try:
-                        item = parser.next_record()
-                    except CsiError:
-                        damaged += 1
-                        continue
-                    if item is None:
-                        break
-                    record = item[1]
+                whole, missed = parser.take_whole()
+                damaged += missed
+                for _, record in whole:
                     if _is_wanted(record, wanted):
                         kinds[str(record.rate)] += 1
                         found.append(_Kept(record))

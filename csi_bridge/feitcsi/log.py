@@ -41,17 +41,9 @@ def is_feitcsi(data: bytes) -> bool:
 
 def parse_log(data: bytes, path: Path) -> FeitLog:
     """Every record in `data`; `path` is for messages."""
-    parser, found, damaged = FeitLogParser(), [], 0
+    parser = FeitLogParser()
     parser.feed(data)
-    while True:
-        try:
-            item = parser.next_record()
-        except CsiError:
-            damaged += 1
-            continue
-        if item is None:
-            break
-        found.append(item)
+    found, damaged = parser.take_whole()
     lost = parser.pending_bytes if parser.is_lost else 0
     return FeitLog(
         path=path,

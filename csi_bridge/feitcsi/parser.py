@@ -141,6 +141,19 @@ class FeitLogParser:
         self._earliest, self._start = start + HEADER_BYTES, end
         return offset, record
 
+    def take_whole(self) -> tuple[list[tuple[int, FeitRecord]], int]:
+        """Every record that is whole by now, as of `next_record`, and how often none stood where one had to."""
+        found, damaged = list[tuple[int, FeitRecord]](), 0
+        while True:
+            try:
+                item = self.next_record()
+            except CsiError:
+                damaged += 1
+                continue
+            if item is None:
+                return found, damaged
+            found.append(item)
+
     def _find(self) -> bool:
         """Advances to the next sound header; False when more bytes are needed to see one."""
         at = next_record_at(self._buffer, self._earliest)
