@@ -7,10 +7,7 @@ dropped and counted. Nothing comes back.
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import socket
-import threading
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -43,6 +40,7 @@ from companion.core.streams import (
     WORKER,
     Stream,
 )
+from companion.log.feed_thread import FeedThread
 from companion.log.lines import LogLine
 
 PERIOD_S: Final = 0.2
@@ -55,13 +53,13 @@ _NEWEST: Final = frozenset(stream.topic for stream in (VEHICLE, HEALTH, WORKER, 
 _EACH: Final = frozenset(stream.topic for stream in (MISSION, BEARING, TARGET, GATE, WISH, COMMAND, AUTOPILOT_EVENT))
 _KEPT: Final = 512
 """Messages of the streams of which each counts, between two looks of the thread."""
-_SEND_BYTES: Final = 1 << 20
 
 
-class Feed:
+class Feed(FeedThread):
     """`record` and `note` belong to the event loop, `attach` and `detach` to whoever starts the page."""
 
     def __init__(self, introduction: Mapping[str, Any], inner: Recorder | None = None) -> None:
+        super().__init__("page feed", PERIOD_S)
         self._inner = inner
         self._introduction = introduction
         self._counts = dict.fromkeys(_COUNTED, 0)
@@ -70,36 +68,7 @@ class Feed:
         )
         self._each: deque[tuple[str, int, Any]] = deque(maxlen=_KEPT)
         self._t_ns = 0
-        self._lock = threading.Lock()
-        self._socket: socket.socket | None = None
         self._sent: dict[str, object] = {}
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-        self.dropped = 0
-        """Messages that the page did not take in time."""
-
-    def start(self) -> None:
-        self._thread = threading.Thread(target=self._run, name="page feed", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Sends what is left and ends the thread. Harmless when repeated."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-        self.detach()
-
-    def attach(self, sender: socket.socket) -> None:
-        """Tells this page from now on, beginning with the newest of everything. Takes the socket over."""
-        sender.setblocking(False)
-        sender.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
-        with self._lock:
-            self._close_socket()
-            self._socket, self._sent = sender, {}
-
-    def detach(self) -> None:
-        with self._lock:
-            self._close_socket()
 
     @property
     def failed(self) -> bool:
@@ -135,50 +104,31 @@ class Feed:
         self._newest[topic] = t_mono_ns, values
         self._t_ns = max(self._t_ns, t_mono_ns)
 
-    def _run(self) -> None:
-        while not self._stop.wait(PERIOD_S):
-            self._send_news()
-        self._send_news()
+    def _begin(self) -> None:
+        self._sent = {}
 
-    def _send_news(self) -> None:
-        """Encodes here, on the thread; the lock is never held by the control loop."""
-        with self._lock:
-            if self._socket is None:
-                self._each.clear()
-                return
-            if INTRODUCTION not in self._sent and self._send(INTRODUCTION, self._t_ns, self._introduction):
-                self._sent[INTRODUCTION] = True
-            for _ in range(len(self._each)):
-                topic, t_ns, message = self._each.popleft()
-                newest = self._newest.get(topic)
-                if self._send(topic, t_ns, message) and newest is not None and newest[1] is message:
-                    self._sent[topic] = newest
-            for topic, newest in self._newest.items():
-                if newest is not None and self._sent.get(topic) is not newest:
-                    t_ns, message = newest
-                    if topic == PROFILE.topic:
-                        message = profile_message(message[0], shrunk(_power(message[1])))
-                    if self._send(topic, t_ns, message):
-                        self._sent[topic] = newest
-            self._send(COUNTS, self._t_ns, dict(self._counts) | {"dropped": self.dropped})
-
-    def _send(self, topic: str, t_ns: int, message: Any) -> bool:
+    def _turn(self) -> None:
         if self._socket is None:
-            return False
-        try:
-            self._socket.send(encoded(topic, t_ns, message), socket.MSG_DONTWAIT)
-            return True
-        except (BlockingIOError, InterruptedError):  # a page that is slow, or does not run
-            self.dropped += 1
-        except OSError:  # a page that is gone
-            self._close_socket()
-        return False
+            self._each.clear()
+            return
+        if INTRODUCTION not in self._sent and self._tell_page(INTRODUCTION, self._t_ns, self._introduction):
+            self._sent[INTRODUCTION] = True
+        for _ in range(len(self._each)):
+            topic, t_ns, message = self._each.popleft()
+            newest = self._newest.get(topic)
+            if self._tell_page(topic, t_ns, message) and newest is not None and newest[1] is message:
+                self._sent[topic] = newest
+        for topic, newest in self._newest.items():
+            if newest is not None and self._sent.get(topic) is not newest:
+                t_ns, message = newest
+                if topic == PROFILE.topic:
+                    message = profile_message(message[0], shrunk(_power(message[1])))
+                if self._tell_page(topic, t_ns, message):
+                    self._sent[topic] = newest
+        self._tell_page(COUNTS, self._t_ns, dict(self._counts) | {"dropped": self.dropped})
 
-    def _close_socket(self) -> None:
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.close()
-        self._socket = None
+    def _tell_page(self, topic: str, t_ns: int, message: Any) -> bool:
+        return self._send(encoded(topic, t_ns, message))
 
 
 def encoded(topic: str, t_ns: int, message: Any) -> bytes:

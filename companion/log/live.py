@@ -8,9 +8,7 @@ comes which topics are subscribed to.
 from __future__ import annotations
 
 import contextlib
-import socket
 import struct
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -35,13 +33,13 @@ from companion.core.streams import (
     Stream,
 )
 from companion.log.encoding import encoded, schema_of, views
+from companion.log.feed_thread import FeedThread
 
 PERIOD_S: Final = 0.05
 MESSAGE: Final = struct.Struct("<Hq")
 """Before the bytes of a message: number of its channel, log time [ns]. A datagram without it is an announcement."""
 ANNOUNCEMENT: Final = 0xFFFF
 _KEPT: Final = 2000
-_SEND_BYTES: Final = 1 << 20
 _CONTROL_BYTES: Final = 65536
 _DRAWN_FROM: Final = {
     TRANSFORMS.topic: frozenset({VEHICLE.topic, POSE.topic}),
@@ -65,10 +63,11 @@ class Announced(msgspec.Struct, frozen=True, kw_only=True):
     schema: bytes
 
 
-class LiveFeed:
+class LiveFeed(FeedThread):
     """`record` belongs to the event loop, `attach` and `detach` to whoever starts the server."""
 
     def __init__(self, inner: Recorder, clock: EventClock) -> None:
+        super().__init__("live feed", PERIOD_S)
         self._inner = inner
         self._clock = clock
         self._wall_minus_mono_ns = time.time_ns() - time.monotonic_ns()
@@ -80,12 +79,6 @@ class LiveFeed:
         self._subscribed: frozenset[str] = frozenset()
         self._channels: dict[str, int] = {}
         self._pose: Pose | None = None
-        self._lock = threading.Lock()
-        self._socket: socket.socket | None = None
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-        self.dropped = 0
-        self.sent = 0
 
     @property
     def failed(self) -> bool:
@@ -103,36 +96,14 @@ class LiveFeed:
             if not stream.rate_hz:
                 self._newest[stream.topic] = one
 
-    def start(self) -> None:
-        self._thread = threading.Thread(target=self._run, name="live feed", daemon=True)
-        self._thread.start()
+    def _begin(self) -> None:
+        self._subscribed, self._channels = frozenset(), {}
+        self._kept.extend(list(self._newest.values()))
+        self._choose()
 
-    def close(self) -> None:
-        """Harmless when repeated."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-        self.detach()
-
-    def attach(self, server: socket.socket) -> None:
-        """Sends to this server from now on, and announces all channels anew. Takes the socket over."""
-        server.setblocking(False)
-        server.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
-        with self._lock:
-            self._close_socket()
-            self._socket, self._subscribed, self._channels = server, frozenset(), {}
-            self._kept.extend(list(self._newest.values()))
-            self._choose()
-
-    def detach(self) -> None:
-        with self._lock:
-            self._close_socket()
-
-    def _run(self) -> None:
-        while not self._stop.wait(PERIOD_S):
-            with self._lock:
-                self._hear()
-                self._send_kept()
+    def _turn(self) -> None:
+        self._hear()
+        self._send_kept()
 
     def _hear(self) -> None:
         """The newest that the server says of its subscribers."""
@@ -198,21 +169,6 @@ class LiveFeed:
         if stream.topic in self._subscribed:
             self._send(MESSAGE.pack(number, log_t_ns) + data)
 
-    def _send(self, datagram: bytes) -> bool:
-        if self._socket is None:
-            return False
-        try:
-            self._socket.send(datagram, socket.MSG_DONTWAIT)
-            self.sent += 1
-            return True
-        except (BlockingIOError, InterruptedError):  # a server that is slow, or does not run
-            self.dropped += 1
-        except OSError:  # one that is gone
-            self._close_socket()
-        return False
-
     def _close_socket(self) -> None:
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.close()
-        self._socket, self._wanted = None, frozenset()
+        super()._close_socket()
+        self._wanted = frozenset()

@@ -64,5 +64,5 @@ async def test_watching_goes_on_until_it_is_interrupted_and_waits_for_a_service_
     async with asyncio.timeout(60):
         while json.loads(await process.stdout.readline())["ok"]:
             pass
-    process.send_signal(signal.SIGINT)
-    assert await process.wait() == 0
+        process.send_signal(signal.SIGINT)
+        assert await process.wait() == 0
