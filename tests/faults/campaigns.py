@@ -25,11 +25,11 @@ def mutants(short: int = 10_000, full: int = 1_000_000) -> int:
 
 
 def recordings(first: bool) -> list[object]:
-    """All recorded runs as parameters of a test. All are long but one of every other set: the first runs of one half of
-    the sets, or else the last runs of the other, so that between them two tests take one run of each set."""
+    """All recorded runs as parameters of a test. All are long but one of every fourth set: the first runs of some,
+    or else the last runs of others, so that between them two tests take a run of three sets."""
     runs = find_runs(DATA) if DATA.is_dir() else []
     named = {run.set_name: run for run in (reversed(runs) if first else runs)}
-    short = [named[name] for name in sorted(named)[int(first) :: 2]]
+    short = [named[name] for name in sorted(named)[int(first) :: 4]]
     return [
         pytest.param(
             run,

@@ -276,6 +276,7 @@ async def test_fault_07_a_long_mission_does_not_grow(tmp_path: Path, tmp_path_fa
     assert grown_mib < 5 and files <= 0 and tasks <= 0
 
 
+@pytest.mark.long
 async def test_a_fence_in_the_way_is_kept_and_ends_the_mission(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -12,6 +12,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.sitl.flying import Flying, flying
 
 
@@ -41,6 +43,7 @@ async def _mission(flight: Flying) -> None:
         await asyncio.sleep(0.1)
 
 
+@pytest.mark.long
 async def test_a_whole_mission_on_the_mock(tmp_path: Path) -> None:
     # Long enough that a hold for want of a first bearing, where the machine is busy, is not its end.
     async with flying(tmp_path, lost_target="return", hold_limit_s=15.0, setpoints="velocity", yaw="target") as flight:

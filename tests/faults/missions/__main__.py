@@ -1,4 +1,4 @@
-"""`python -m tests.faults.missions`. What is flown stands in a module of its own: spawned workers cannot import this one."""
+"""`python -m tests.faults.missions`; in a module of its own is what spawned workers import."""
 
 from tests.faults.missions.campaign import main
 

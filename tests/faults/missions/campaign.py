@@ -126,4 +126,3 @@ def main(count: int, first: int, jobs: int, is_real: bool, out: Path | None, sho
         f"broken promises: {dict(done) or 'none'}"
     )
     sys.exit(bool(done))
-

@@ -92,6 +92,7 @@ def test_is_far_faster_than_the_naive_sum() -> None:
     assert ratio > 60
 
 
+@pytest.mark.long
 def test_works_where_no_cache_can_be_written(tmp_path: Path) -> None:
     """In place of unwritable folders, which root can write to: a file where the cache's folder would be, no home."""
     copy = tmp_path / "copied_kernel.py"

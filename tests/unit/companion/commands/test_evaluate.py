@@ -96,6 +96,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[s
     return result
 
 
+@pytest.mark.long
 def test_line_of_sight_with_motion_capture_stays_under_two_degrees(recorded: Callable[[str], dict[str, Any]]) -> None:
     for name in ("LOS_Set_A", "LOS_Set_B"):
         figures = recorded("mocap")["sets"][name]

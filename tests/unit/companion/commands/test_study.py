@@ -87,6 +87,7 @@ def test_a_run_that_was_cut_short_goes_on_and_writes_its_page(
     assert "| hall | 4 | 50 (15-85) |" in page.read_text()
 
 
+@pytest.mark.long
 def test_all_makes_one_page_and_goes_on_without_recordings(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -22,6 +22,6 @@ def test_a_long_span_has_no_more_bins_than_a_day_of_seconds() -> None:
     assert bin_edges_s(2.9).tolist() == [0.0, 1.0, 2.0]
     assert bin_edges_s(0.1).tolist() == [0.0, 1.0]
     assert len(bin_edges_s(1.7e9)) < 200_000
-    at_s, rates = per_second(np.arange(0, 1e6, 0.1).tolist(), 1e6)
+    at_s, rates = per_second(np.arange(0, 1e6, 2.0).tolist(), 1e6)
     assert len(at_s) <= 100_001
-    assert np.allclose(rates[:-1], 10.0)
+    assert np.allclose(rates[:-1], 0.5)

@@ -27,6 +27,7 @@ def test_in_an_occluded_room_80_mhz_halve_the_error_of_20(tmp_path: Path) -> Non
         assert mean[160] <= 0.5 * mean[20]
 
 
+@pytest.mark.long
 def test_one_aperture_is_heard_by_every_width() -> None:
     (row,) = rows_of(study("bandwidth"), [BandwidthCase("hall", 0)])
     assert set(row.errors) == set(WIDTHS_MHZ)

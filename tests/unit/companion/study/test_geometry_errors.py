@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from companion.study.catalogue import study
 from companion.study.study import Settings
@@ -13,6 +14,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import check_leftovers, rows_of
 
 
+@pytest.mark.long
 def test_geometry_keeps_the_papers_order(tmp_path: Path) -> None:
     one = study("geometry")
     rows = rows_of(one, one.plan(Settings(10, DATA)))

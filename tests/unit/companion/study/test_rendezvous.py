@@ -16,6 +16,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import SEED, check_leftovers
 
 
+@pytest.mark.long
 def test_rendezvous_is_the_same_mission_whatever_else_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendezvous, "MAX_TIME_S", 12.0)
     one = study("rendezvous")

@@ -40,6 +40,7 @@ def test_places_are_in_the_first_robots_axes() -> None:
     assert true_relative(moment)[0].tolist() == pytest.approx([2.0, 0.0, 1.0, np.pi / 2])
 
 
+@pytest.mark.long
 def test_a_few_trials_leave_findings_a_picture_and_a_page(tmp_path: Path) -> None:
     world = TeamWorld(robots=3, duration_s=34.0, turning_rad_s=0.005, turning_from_s=4.0)
     rows = [TeamRow(TURNING, 3, list(reports(world, np.random.default_rng(seed)))) for seed in (1, 2)]

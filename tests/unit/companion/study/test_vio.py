@@ -12,6 +12,7 @@ from tests.paths import DATA
 from tests.unit.companion.study.few_trials import check_leftovers, rows_of
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
 def test_vio_measures_a_real_tracker(tmp_path: Path) -> None:
     one = study("vio")

@@ -170,7 +170,7 @@ def test_noise_alone_is_not_reliable() -> None:
     assert estimate.reliability < 0.2
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 5))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 5))])
 def test_errors_stay_within_three_deviations(seed: int) -> None:
     t, p = weave(400)
     source = (p.mean(axis=0) + 6.0 * U)[None, :]
