@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +24,7 @@ from tests.faults.missions import promises
 from tests.faults.missions.fly import fly
 from tests.faults.missions.scenario import CHECKS_FROM, Fault, Scenario, draw
 from tests.faults.missions.trace import Asked, Sent, Trace
+from tests.paths import ROOT
 
 # A command that is given up before it began was never awaited; the service says so in no other way.
 pytestmark = pytest.mark.filterwarnings("ignore:.*never awaited", "ignore::pytest.PytestUnraisableExceptionWarning")
@@ -297,3 +302,14 @@ def test_red_a_switch_that_engages_as_it_stands(monkeypatch: pytest.MonkeyPatch)
 
 def _passes_everything(self: Gate, setpoint: Any, *_: Any) -> Verdict:
     return Verdict(setpoint)
+
+
+@pytest.mark.long
+def test_several_workers_fly_what_one_flies(tmp_path: Path) -> None:
+    out = tmp_path / "missions.jsonl"
+    command = [sys.executable, "-m", "tests.faults.missions", "--count", "4", "--jobs", "2", "--out", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = {row["seed"]: row for row in map(json.loads, out.read_text().splitlines())}
+    assert sorted(rows) == [0, 1, 2, 3]
+    assert rows[3]["setpoints"] == len(fly(draw(3)).of(Sent))
