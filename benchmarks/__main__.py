@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
+from benchmarks.idle import IdleCost, idle_cost
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
 from benchmarks.intake import crowds, line, plot, throughput
 from benchmarks.page import PageCost, page_cost
@@ -79,13 +80,20 @@ def main(
     _print_recording(recording, factor)
     shown = page_cost()
     _print_page(shown)
+    idle = idle_cost()
+    _print_idle(idle)
     memory = list(worker_memory_mb(memory_iterations, max(1, memory_iterations // 10)))
     click.echo("worker memory [MB]: " + ", ".join(f"{mb:.0f} after {number}" for number, mb in memory))
     if json_path is not None:
         figures = {"profiles": [asdict(row) for row in rows], "atom_s": atom_s, "estimates": asdict(times)}
         figures |= {"grids_s": grids}
         figures |= {"informativeness": asdict(told), "intake": intake, "memory_mb": memory}
-        figures |= {"recording": asdict(recording), "replay_factor": factor, "page": asdict(shown)}
+        figures |= {
+            "recording": asdict(recording),
+            "replay_factor": factor,
+            "page": asdict(shown),
+            "idle": asdict(idle),
+        }
         json_path.write_text(json.dumps(figures, indent=2) + "\n")
     if out is not None:
         _plot(rows, grids, times, out)
@@ -139,6 +147,16 @@ def _print_page(cost: PageCost) -> None:
         f"page with one viewer: {100 * (cost.process_share + cost.feed_share + cost.calls_share):.1f} % of a core "
         f"({shares}, {100 * cost.calls_share:.1f} the calls), {cost.pictures / cost.seconds:.1f} pictures/s, "
         f"{cost.kilobytes_per_s:.0f} kB/s, {cost.process_mb:.0f} MB, {cost.dropped} dropped"
+    )
+
+
+def _print_idle(cost: IdleCost) -> None:
+    each = ", ".join(f"{one.name} {one.resident_mb:.0f} MB {100 * one.share:.1f} %" for one in cost.processes)
+    click.echo(
+        f"idle, {cost.csi_per_s:.0f} packets and {cost.poses_per_s:.0f} poses/s: {cost.memory_mb:.0f} MB and "
+        f"{100 * cost.share:.1f} % of a core without the worker ({each}); ready after {cost.start_s:.1f} s "
+        f"({cost.start_processor_s:.1f} of the processor), stopped after {cost.stop_s:.2f} s, its log "
+        f"{'whole' if cost.log_is_whole else 'CUT OFF'}"
     )
 
 

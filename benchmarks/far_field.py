@@ -11,10 +11,11 @@ from benchmarks.refinement import refine_peak
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 from wsr.channel import bounded_amplitude
+from wsr.directions import Peak, Profile
 from wsr.estimators.description import describe, is_horizontal
 from wsr.geometry import angles, direction
-from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks
-from wsr.profile import Profile, bartlett_profile
+from wsr.peaks import MIN_SEPARATION_RAD, find_peaks
+from wsr.profile import bartlett_profile
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 from wsr.geometry import direction
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
 def bartlett_profile_oracle(

@@ -16,9 +16,10 @@ from benchmarks.oracle import bartlett_profile_oracle
 from benchmarks.scenes import WAVELENGTH_M, helix
 from benchmarks.sliding import SlidingProfile
 from benchmarks.timing import best_s
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD
 from wsr.geometry import direction
 from wsr.kernel import bartlett_power
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
+from wsr.profile import bartlett_profile
 from wsr.skeleton import condensed
 
 BATCH = 32

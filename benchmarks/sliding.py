@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import ROWS, add_packets, empty_sums, power_of
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, ROWS, Profile
+from wsr.kernel import add_packets, empty_sums, power_of
 
 
 class SlidingProfile:

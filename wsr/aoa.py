@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from wsr.aperture import Aperture
-from wsr.peaks import Peak
-from wsr.profile import Profile
+from wsr.directions import Peak, Profile
 
 Matrix3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 

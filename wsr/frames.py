@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wsr.geometry import quaternion_conjugate, quaternion_from_yaw, quaternion_multiply, rotation_z, wrap_angle
+from wsr.geometry import quaternion_conjugate, quaternion_from_yaw, quaternion_multiply, rotation_z
 
 Array = NDArray[np.float64]
 
@@ -45,12 +45,12 @@ def ned_of_enu(east: float, north: float, up: float) -> tuple[float, float, floa
 
 def yaw_enu_from_ned(heading_rad: float) -> float:
     """Compass heading (clockwise from North) to yaw counter-clockwise from East, in [-pi, pi)."""
-    return float(wrap_angle(math.pi / 2 - heading_rad))
+    return (math.pi / 2 - heading_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def yaw_ned_from_enu(yaw_rad: float) -> float:
     """Yaw counter-clockwise from East to compass heading (clockwise from North), in [-pi, pi)."""
-    return float(wrap_angle(math.pi / 2 - yaw_rad))
+    return (math.pi / 2 - yaw_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def enu_from_t265_vector(v_t265: ArrayLike) -> Array:

@@ -25,11 +25,10 @@ from numba import config, njit
 from numba.core.codegen import get_host_cpu_features
 from numpy.typing import NDArray
 
+from wsr.directions import ROWS, grid
+
 Array32 = NDArray[np.float32]
 Array64 = NDArray[np.float64]
-
-ROWS = 180
-"""Rows of the one-degree grid."""
 
 # sin(pi r) / r and cos(pi r) on |r| <= 1/2 as polynomials in r^2: minimax, errors 3e-9 and 5e-8 before rounding.
 _S0, _S1, _S2, _S3, _S4 = (
@@ -54,14 +53,6 @@ _STRIDE = 368
 _LINE = 16
 
 Function = TypeVar("Function", bound=Callable[..., object])
-
-
-def grid(rows: int = ROWS) -> tuple[Array64, Array64]:
-    """Azimuths (2 rows,) from -pi on and polar angles (rows,) half a step off the poles, both in steps of pi / rows."""
-    step = np.pi / rows
-    azimuth: Array64 = -np.pi + step * np.arange(2 * rows, dtype=np.float64)
-    polar: Array64 = step * (np.arange(rows, dtype=np.float64) + 0.5)
-    return azimuth, polar
 
 
 def bartlett_power(chi_half_wavelengths: Array64, channel: NDArray[np.complex128], rows: int = ROWS) -> Array32:

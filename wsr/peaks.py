@@ -3,35 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.directions import Peak, Profile
 from wsr.geometry import angles, direction, great_circle
-from wsr.profile import Profile
 from wsr.relief import prominences, width_rad
 
 MIN_SEPARATION_RAD = math.radians(10.0)
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Peak:
-    """A direction of high power: `power` is 1 for perfect coherence, `relative_power` is 1 for the highest peak.
-
-    `prominence` is its height over the highest saddle to a higher peak, in units of `power`; `width_rad` the diameter
-    of the region around it above half of its power. Both are 0 where nobody looked: a mirror image has those of what
-    it mirrors. Of paths found by subtraction see `wsr.estimators.arrivals`.
-    """
-
-    azimuth_rad: float
-    polar_rad: float
-    power: float
-    relative_power: float
-    prominence: float = 0.0
-    width_rad: float = 0.0
 
 
 def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEPARATION_RAD) -> tuple[Peak, ...]:

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, ROWS, Peak, Profile
 from wsr.focus import Look
-from wsr.kernel import ROWS, bartlett_power
-from wsr.peaks import MIN_SEPARATION_RAD, Peak
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.kernel import bartlett_power
+from wsr.peaks import MIN_SEPARATION_RAD
 from wsr.relief import prominences, width_rad
 
 _TAU = 2 * math.pi

@@ -9,36 +9,20 @@ aperture has F = 1 at the peak.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, ROWS, Profile
 from wsr.errors import ApertureError
-from wsr.kernel import ROWS, bartlett_power, grid
+from wsr.kernel import bartlett_power
 from wsr.skeleton import condensed
-
-AZIMUTH_RAD, POLAR_RAD = grid()
-"""The one-degree grid: azimuth (360,) from -180 to 179 degrees, polar angle (180,) from 0.5 to 179.5."""
 
 _FEW = 120
 """So few packets are summed as they are."""
 _MOST_FINE = 5
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Profile:
-    """power (T, P) float32, 1 for perfect coherence; polar_rad (T,) over its rows, azimuth_rad (P,) its columns.
-
-    `undersampled`: lobes may be narrower than the steps it was computed with, and the highest may lie between them.
-    """
-
-    power: NDArray[np.float32]
-    azimuth_rad: Array
-    polar_rad: Array
-    undersampled: bool = False
 
 
 def bartlett_profile(

@@ -12,9 +12,9 @@ from companion.analysis.runs import Run
 from companion.analysis.trajectories import PoseKind
 from companion.core.messages import Vector3
 from wsr.aoa import AoaEstimate
+from wsr.directions import Profile
 from wsr.estimators.options import RobustOptions
 from wsr.geometry import direction, great_circle, wrap_angle
-from wsr.profile import Profile
 
 NO_LEVER: Final[Vector3] = (0.0, 0.0, 0.0)
 DEFAULT_LEVERS_M: Final[Mapping[PoseKind, Vector3]] = {

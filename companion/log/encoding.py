@@ -17,7 +17,7 @@ from companion.core.streams import APERTURE_PATH, LOG, POSE, PROFILE, SCENE, TRA
 from companion.guidance.target import TargetReport
 from companion.log import foxglove
 from companion.sensing.records import ApertureRecord, Iteration
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD
 
 _MAKERS: Final[dict[str, Callable[[int, Any], ProtobufMessage]]] = {
     POSE.topic: foxglove.pose_in_frame,

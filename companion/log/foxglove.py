@@ -35,7 +35,7 @@ from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, Quaternion, Vector3, VehicleState
 from companion.log.lines import LogLine
 from wsr.aoa import AoaEstimate
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD
 
 LOCAL: Final = "local"
 BODY: Final = "body"

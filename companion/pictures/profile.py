@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wsr.profile import Profile
+from wsr.directions import Profile
 
 _COLOURS: Final = "viridis"
 _TRUTH_COLOUR: Final = "#e8000b"

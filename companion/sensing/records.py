@@ -12,7 +12,7 @@ import numpy.typing as npt
 from companion.core.messages import Vector3
 from wsr.aoa import AoaEstimate
 from wsr.crb.informativeness import Informativeness
-from wsr.peaks import Peak
+from wsr.directions import Peak
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from companion.log.reader import read_log
 from companion.log.records import LoggedIteration, TruthTrack
 from companion.sim.demo import BEACON, DemoRun, log_truths
 from companion.sim.truth import WorldTruth
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

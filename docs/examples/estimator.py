@@ -8,11 +8,12 @@ import numpy as np
 
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
+from wsr.directions import Profile
 from wsr.errors import ApertureError
 from wsr.estimators.description import describe
 from wsr.estimators.trust import Evidence
 from wsr.peaks import find_peaks, mirrored
-from wsr.profile import Profile, bartlett_profile
+from wsr.profile import bartlett_profile
 
 PATHS = 4
 

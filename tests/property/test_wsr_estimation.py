@@ -11,8 +11,9 @@ from tests.unit.wsr.scene import WAVELENGTH_M, weave
 from wsr.aperture import make_aperture
 from wsr.channel import pair_by_counter, pair_by_time
 from wsr.crb import crb, fim
+from wsr.directions import grid
 from wsr.geometry import direction, great_circle, rotation_z
-from wsr.kernel import bartlett_power, grid
+from wsr.kernel import bartlett_power
 
 seeds = st.integers(0, 2**32 - 1)
 azimuths, polars = st.floats(-3.1, 3.1), st.floats(0.05, 3.09)

@@ -25,11 +25,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.directions import Peak
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, counted_amplitude
 from wsr.focus import Focus, circle_grid, sphere_grid
 from wsr.geometry import angles, direction, great_circle, wrap_angle
-from wsr.peaks import MIN_SEPARATION_RAD, Peak
+from wsr.peaks import MIN_SEPARATION_RAD
 from wsr.subapertures import SubApertures, score, sub_apertures
 
 _EXPLAINED = 0.12

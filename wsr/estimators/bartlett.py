@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
+from wsr.directions import Peak, Profile
 from wsr.estimators.description import describe, without_image
 from wsr.estimators.trust import Evidence
 from wsr.geometry import direction, great_circle
 from wsr.half_turns import without_half_turns
-from wsr.peaks import Peak, find_peaks, mirrored
-from wsr.profile import Profile, bartlett_profile
+from wsr.peaks import find_peaks, mirrored
+from wsr.profile import bartlett_profile
 
 _PATHS = 5
 _USUAL_RANGE_M = 5.0

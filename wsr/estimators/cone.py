@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate, Cone
 from wsr.aperture import Aperture
+from wsr.directions import Peak
 from wsr.geometry import angles, direction, great_circle, wrap_angle
-from wsr.peaks import MIN_SEPARATION_RAD, Peak
+from wsr.peaks import MIN_SEPARATION_RAD
 
 # An angle is observable when all of the cone agrees on it within this, and the cone is known as closely.
 _OBSERVABLE_RAD = math.radians(10.0)

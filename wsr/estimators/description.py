@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 from wsr.crb import Crb, crb
+from wsr.directions import Peak
 from wsr.estimators.cone import on_cone
 from wsr.estimators.trust import Evidence, model_error_rad, reliability
 from wsr.geometry import direction, great_circle, wrap_angle
-from wsr.peaks import MIN_SEPARATION_RAD, Peak
+from wsr.peaks import MIN_SEPARATION_RAD
 from wsr.uncertainty import phase_variance, time_correlation
 
 # A plane within this tilt of the horizon is "horizontal": it decides which of two mirror images is reported.

@@ -55,6 +55,7 @@ from numpy.typing import NDArray
 from wsr.aoa import AoaEstimate
 from wsr.aperture import MIN_PACKETS, Aperture
 from wsr.channel import bounded_amplitude
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Peak, Profile
 from wsr.errors import ApertureError
 from wsr.estimators.description import describe, is_horizontal
 from wsr.estimators.source_number import path_number, source_number
@@ -64,8 +65,7 @@ from wsr.geometry import angles, direction
 from wsr.half_turns import without_half_turns
 from wsr.kernel import bartlett_power
 from wsr.path_bins import Bins, path_bins
-from wsr.peaks import MIN_SEPARATION_RAD, Peak, find_peaks, mirrored
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.peaks import MIN_SEPARATION_RAD, find_peaks, mirrored
 from wsr.reciprocity import ChainLimits, chain, fold, without_delay
 from wsr.turnaround import carrier_offset_hz, jitter_s
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from wsr.aoa import AoaEstimate, Matrix3
 from wsr.aperture import Aperture, spans
+from wsr.directions import Peak, Profile
 from wsr.drift import Drift, find_drift, turned
 from wsr.estimators.arrivals import arrivals
 from wsr.estimators.cone import on_cone
@@ -21,9 +22,8 @@ from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refin
 from wsr.geometry import direction, wrap_angle
 from wsr.half_turns import without_half_turns
 from wsr.likelihood import matched, most_likely
-from wsr.peaks import Peak, find_peaks, mirrored
+from wsr.peaks import find_peaks, mirrored
 from wsr.pictures import level_profile, look_profile, ring_peaks
-from wsr.profile import Profile
 from wsr.subapertures import SubApertures, score, sub_apertures
 from wsr.uncertainty import bound, phase_variance, time_correlation
 

@@ -15,9 +15,10 @@ import pytest
 from benchmarks.oracle import bartlett_profile_oracle
 from tests.unit.wsr.scene import WAVELENGTH_M, far, round_trip, weave
 from wsr import kernel
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, ROWS, grid
 from wsr.errors import ApertureError
 from wsr.geometry import direction
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, bartlett_profile
+from wsr.profile import bartlett_profile
 
 
 def test_grid_is_one_degree_and_off_the_poles() -> None:
@@ -55,7 +56,7 @@ def test_perfect_coherence_is_one_whatever_the_amplitude() -> None:
 
 def test_other_grid_sizes_and_odd_rows() -> None:
     chi, g = np.array([[0.3, -1.2, 0.7], [2.0, 0.1, -0.4]]), np.array([0.4 + 0.1j, -0.5j])
-    azimuth, polar = kernel.grid(10)
+    azimuth, polar = grid(10)
     u = direction(azimuth[None, :], polar[:, None])
     exact = np.abs(np.exp(-2j * np.pi * (u @ chi.T)) @ g) ** 2
     np.testing.assert_allclose(kernel.bartlett_power(chi, g, 10), exact, atol=3e-6)
@@ -70,7 +71,7 @@ def test_what_is_not_finite_or_silent_is_refused() -> None:
         bartlett_profile(np.zeros((3, 3)), np.zeros(3, np.complex128), 0.05)
 
 
-@pytest.mark.parametrize("rows", [2, kernel.ROWS, 2 * kernel.ROWS])
+@pytest.mark.parametrize("rows", [2, ROWS, 2 * ROWS])
 def test_no_packets_change_nothing(rows: int) -> None:
     sums = kernel.empty_sums(rows)
     kernel.add_packets(sums, np.zeros((0, 3)), np.zeros(0, np.complex128))

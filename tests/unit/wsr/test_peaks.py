@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 from wsr.geometry import direction, great_circle
 from wsr.peaks import find_peaks
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
 def _bumps(*bumps: tuple[float, float, float]) -> Profile:

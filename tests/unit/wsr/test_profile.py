@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import helix
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 from wsr.geometry import direction
 from wsr.kernel import bartlett_power
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile, bartlett_profile, profile_variance
+from wsr.profile import bartlett_profile, profile_variance
 
 
 def test_profile_variance_is_one_without_a_peak_and_small_with_one() -> None:

@@ -13,7 +13,7 @@ from companion.guidance.targets import Targets
 from companion.neighbours.neighbour import Neighbour
 from companion.safety.gate import GateLimits
 from companion.sensing.records import Bearing
-from wsr.peaks import Peak
+from wsr.directions import Peak
 
 _LIMITS = GateLimits(
     fence_min_m=(-20.0, -20.0, -1.0),

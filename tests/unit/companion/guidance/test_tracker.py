@@ -11,7 +11,7 @@ import pytest
 from companion.guidance.target import Target
 from companion.guidance.tracker import TargetTracker
 from companion.sensing.records import Bearing
-from wsr.peaks import Peak
+from wsr.directions import Peak
 
 
 def bearing_to(

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.pictures.profile import draw_profile
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 
 
 @dataclass(frozen=True)

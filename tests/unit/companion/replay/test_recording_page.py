@@ -18,7 +18,7 @@ from companion.errors import CompanionError
 from companion.replay import live_page, recording_page
 from companion.replay.recording_page import show_recording
 from wsr.aoa import AoaEstimate
-from wsr.profile import AZIMUTH_RAD, POLAR_RAD, Profile
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD, Profile
 
 _PATH = np.stack([np.linspace(0, 1, 30), np.zeros(30), np.full(30, 0.2)], axis=1)
 

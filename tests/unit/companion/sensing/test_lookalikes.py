@@ -17,8 +17,8 @@ from companion.sensing.lookalikes import ALIKE, Lookalikes, likeness, outstandin
 from tests.csi_records import needs_data
 from tests.paths import DATA
 from wsr.aperture import Aperture, make_aperture
+from wsr.directions import Profile
 from wsr.estimators import ESTIMATORS
-from wsr.profile import Profile
 
 
 @needs_data

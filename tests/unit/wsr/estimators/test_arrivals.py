@@ -11,10 +11,10 @@ import pytest
 from tests.unit.wsr.scene import WAVELENGTH_M, Array, circle, exchange, weave
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture, make_aperture
+from wsr.directions import Peak
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import direction, great_circle
-from wsr.peaks import Peak
 
 SOURCE, WALL = direction(0.5, 1.3), direction(2.0, 1.8)
 
