@@ -90,7 +90,7 @@ def lanes() -> list[Lane]:
         _real_time("edges", *sorted(every - named)),
         # A thread for each worker: where there are more of BLAS than cores, they spin for each other. One worker more
         # than cores, since some tests wait.
-        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", *computing), ONE_THREAD),
+        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", "--dist", "worksteal", *computing), ONE_THREAD),
     ]
 
 
