@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.geometry import direction
-from wsr.kernel import compiled
+from wsr.kernel import compiled, inner
 from wsr.subapertures import SubApertures, delay_weight, score, score_grid
 
 # A step of the refinement stays within 1.5 of its own grid; the grid shrinks to a twentieth of a beam width.
@@ -235,13 +235,15 @@ def _climb(
             d = max(0.5 * d, least_d)
             log_step = max(0.7 * log_step, _LEAST_LOG_RANGE_STEP)
         if step == steps // 2 and best > coherent_above:
-            scales, peak = 1, np.ones(1)
-            pieces = pieces[: np.count_nonzero(pieces[:, 0] == 0)]
+            scales, peak, whole = 1, np.ones(1), 0
+            while whole < pieces.shape[0] and pieces[whole, 0] == 0:
+                whole += 1
+            pieces = pieces[:whole]
             lag = np.zeros((0, 0), np.complex64)
     return azimuth, polar, inverse, best
 
 
-@compiled
+@inner
 def _newton(c: Array, move: Array) -> None:
     """Offset (3,) of the maximum of the quadratic through (3, 3, 3) points, where it has one; else left as it is."""
     slope, curve = np.empty(3), np.empty((3, 3))

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import config, njit
@@ -131,12 +131,21 @@ _use_whole_registers()
 def compiled(function: Function) -> Function:
     """Machine code for a function. `reassoc` lets the compiler add packets in vector lanes, `contract` use fused
     multiply-add; no flag assumes NaN away."""
-    flags = {"reassoc", "contract", "nsz"}
+    return _compiled(function)
+
+
+def inner(function: Function) -> Function:
+    """The same for a function that only other compiled ones call: there is less to compile without its entrances."""
+    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+def _compiled(function: Function, **more: Any) -> Function:
+    options: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}, "error_model": "numpy"} | more
     try:
-        return cast(Function, njit(cache=True, fastmath=flags, error_model="numpy")(function))
+        return cast(Function, njit(cache=True, **options)(function))
     except RuntimeError:
         # There is no place to write a cache to; then every process compiles for itself.
-        return cast(Function, njit(fastmath=flags, error_model="numpy")(function))
+        return cast(Function, njit(**options)(function))
 
 
 def _aligned(shape: tuple[int, ...]) -> Array32:
@@ -164,14 +173,14 @@ def phasors(turns: Array32 | Array64, cosine: Array32, sine: Array32) -> None:
         cosine[k], sine[k] = phasor(np.float32(turns[k] - np.rint(turns[k])))
 
 
-@compiled
+@inner
 def _across(x: Array64, y: Array64, along_x: float, along_y: float, turns: Array64) -> None:
     """turns = x along_x + y along_y, in place."""
     for k in range(turns.size):
         turns[k] = x[k] * along_x + y[k] * along_y
 
 
-@compiled
+@inner
 def _turn(
     turns: Array64,
     g_re: Array32,
@@ -192,7 +201,7 @@ def _turn(
         down_im[k] = g_im[k] * cosine[k] + g_re[k] * sine[k]
 
 
-@compiled
+@inner
 def _add(
     size: int, wave: Array32, turned: Array32, plus: int, minus: int, row: int, column: int, sums: Array32
 ) -> None:
@@ -273,7 +282,7 @@ def _sum_up(
                     _add(bx.size, wave, turned, column - row - 1 + rows, column + row + rows, row, column, sums)
 
 
-@compiled
+@inner
 def _opposite(wave: Array32, into: int, of: int) -> None:
     """f half a turn away."""
     for k in range(wave.shape[2]):
@@ -281,7 +290,7 @@ def _opposite(wave: Array32, into: int, of: int) -> None:
         wave[1, into, k] = -wave[1, of, k]
 
 
-@compiled
+@inner
 def _add_four(wave: Array32, plus: int, minus: int, turned: Array32, row: int, first: int, total: Array32) -> None:
     """Add four packets of a group to `total` (8 x _WIDE,), over the columns of a row: the inner loop for few packets.
 
@@ -312,7 +321,7 @@ def _add_four(wave: Array32, plus: int, minus: int, turned: Array32, row: int, f
         m += np.uintp(1)
 
 
-@compiled
+@inner
 def _product(wave: Array32, plus: np.uintp, minus: np.uintp) -> tuple[np.float32, np.float32]:
     """Cosine and sine of the difference of two entries of a packet."""
     plus_cos, plus_sin = wave[plus], wave[plus + np.uintp(_GROUP * _STRIDE)]

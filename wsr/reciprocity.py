@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, phasor
+from wsr.kernel import compiled, inner, phasor
 from wsr.ofdm import Grid, known
 
 _LANES = 16
@@ -165,13 +165,13 @@ def _lags(grid: Grid) -> Array32:
     return lags
 
 
-@compiled
+@inner
 def _scratch(k: Array32, step: int) -> Array32:
     """Zeros (W + step,): what lies behind the subcarriers adds nothing to any sum."""
     return np.zeros(k.size + step, np.float32)
 
 
-@compiled
+@inner
 def _lag_slope(re: Array32, im: Array32, lags: Array32, step: int, lag: np.float32) -> np.float32:
     """Phase per unit of k of re + j im (S,), from products of subcarriers a lag apart."""
     a = b = np.float32(0.0)
@@ -186,7 +186,7 @@ def _lag_slope(re: Array32, im: Array32, lags: Array32, step: int, lag: np.float
     return np.float32(np.arctan2(b, a) / lag)
 
 
-@compiled
+@inner
 def _phasors(slope: np.float32, start: np.float32, k: Array32, cosine: Array32, sine: Array32) -> None:
     """exp(-j (slope k + start)), (S,)."""
     for s in range(k.size):
@@ -195,7 +195,7 @@ def _phasors(slope: np.float32, start: np.float32, k: Array32, cosine: Array32, 
         cosine[s], sine[s] = phasor(r)
 
 
-@compiled
+@inner
 def _sum(
     re: Array32, im: Array32, slope: np.float32, k: Array32, cosine: Array32, sine: Array32
 ) -> tuple[np.float32, np.float32]:

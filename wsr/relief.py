@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled
+from wsr.kernel import compiled, inner
 
 _LEVELS = 8192
 
@@ -45,7 +45,7 @@ def width_rad(power: Array32, row: int, column: int) -> float:
     return 2.0 * math.acos(max(1.0 - area / (2 * math.pi), -1.0))
 
 
-@compiled
+@inner
 def _neighbour(row: int, column: int, which: int, rows: int, columns: int) -> int:
     """One of eight neighbours of a cell: around the circle, and over a pole to the column half a turn away."""
     offset = which if which < 4 else which + 1
@@ -62,7 +62,7 @@ def _neighbour(row: int, column: int, which: int, rows: int, columns: int) -> in
     return r * columns + c
 
 
-@compiled
+@inner
 def _root(parent: Indices, cell: int) -> int:
     while parent[cell] != cell:
         parent[cell] = parent[parent[cell]]

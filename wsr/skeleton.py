@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled
+from wsr.kernel import compiled, inner
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -67,7 +67,8 @@ def condensed(
 def _condense(places: Array, parts: Array, runs: Indices, length: float, rest: float, most: int) -> int:
     """Moves places (3, M) and parts (2 S, M) of the channels of all skeletons to the front; their number. `runs` then
     tells their runs."""
-    packets, count, first = places.shape[1], 0, 0
+    packets, count = places.shape[1], 0
+    first = runs[0]  # 0, but no constant: else all below is compiled for it once more
     factor = np.empty((most, packets))
     left, column, members = np.empty(packets), np.empty(3 * packets), np.empty(packets, np.int64)
     weights = np.empty((parts.shape[0], most))
@@ -109,7 +110,7 @@ def _condense(places: Array, parts: Array, runs: Indices, length: float, rest: f
     return count
 
 
-@compiled
+@inner
 def _skeleton(
     places: Array,
     first: int,
@@ -152,7 +153,7 @@ def _skeleton(
     return 0
 
 
-@compiled
+@inner
 def _weigh(parts: Array, first: int, size: int, rank: int, factor: Array, members: Indices, weights: Array) -> None:
     """Weights w of the members: L_m^T w = L^T g, from the last on."""
     for s in range(parts.shape[0]):
@@ -166,7 +167,7 @@ def _weigh(parts: Array, first: int, size: int, rank: int, factor: Array, member
             weights[s, i] = value / factor[i, members[i]]
 
 
-@compiled
+@inner
 def _kernel(square: float) -> float:
     """K of the square of a distance."""
     d = 2.0 * math.sqrt(square) + 1e-15

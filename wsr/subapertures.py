@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, phasor
+from wsr.kernel import compiled, inner, phasor
 from wsr.ofdm import LAG, UNIT_HZ, Grid
 from wsr.skeleton import condensed
 
@@ -183,9 +183,12 @@ def _pieces(owners: Indices, sizes: Indices, segment: Indices, resign: bool) -> 
             owner, last = owners[scale, run], run == runs - 1
             if not last and owners[scale, run + 1] == owner and segment[run + 1] == segment[run]:
                 continue
-            size, at = sizes[first : run + 1].sum(), count
+            size, at = 0, count
+            for one in range(first, run + 1):
+                size += sizes[one]
             while at > top and rows[at - 1, 4] < size:
-                rows[at] = rows[at - 1]
+                for field in range(5):
+                    rows[at, field] = rows[at - 1, field]
                 at -= 1
             rows[at, 0], rows[at, 2], rows[at, 3], rows[at, 4] = scale, first, run + 1, size
             count, first = count + 1, run + 1
@@ -249,7 +252,7 @@ def score_grid(
                     phase[link, scale, begin + m] = result[1, scale, m]
 
 
-@compiled
+@inner
 def _steer(lanes: Array32, x: np.float32, y: np.float32, z: np.float32, square: np.float32, out: Array32) -> None:
     """exp(+j 2 pi d) (2, W) of one bin: d = |r u - x| - r without cancellation, with q = 1 / r
     (q x^2 - 2 u.x) / (sqrt(1 - 2 q u.x + q^2 x^2) + 1)."""
@@ -261,7 +264,7 @@ def _steer(lanes: Array32, x: np.float32, y: np.float32, z: np.float32, square: 
         out[0, m], out[1, m] = phasor(turns - np.rint(turns))
 
 
-@compiled
+@inner
 def _add_up(re: Array32, im: Array32, first: int, after: int, steering: Array32, out: Array32) -> None:
     """Sums (2, W) of h times steering (B, 2, W) over some bins: the inner loop."""
     for m in range(2 * BLOCK):
@@ -273,7 +276,7 @@ def _add_up(re: Array32, im: Array32, first: int, after: int, steering: Array32,
             out[m + BLOCK] += a * at[1, m] + c * at[0, m]
 
 
-@compiled
+@inner
 def _fuse(
     y: Array32,
     pieces: Indices,
@@ -292,8 +295,8 @@ def _fuse(
     fresh = True
     for p in range(last + 1):
         into = total if fresh else piece
-        into[:] = y[pieces[p, 2]]
-        for run in range(pieces[p, 2] + 1, pieces[p, 3]):
+        into[:] = 0.0
+        for run in range(pieces[p, 2], pieces[p, 3]):
             more = y[run]
             for i in range(width):
                 into[i] += more[i]
@@ -328,7 +331,7 @@ def _fuse(
             squares = np.float32(0.0)
 
 
-@compiled
+@inner
 def _add_lagged(a: Array32, b: Array32, re: np.float32, im: np.float32, lagged: Array32) -> None:
     """Adds a b^* (re + j im), for complex numbers (2 W,), real parts first."""
     for m in range(BLOCK):
@@ -354,7 +357,7 @@ _A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = (
 )
 
 
-@compiled
+@inner
 def _angles(xy: Array32, out: Array32) -> None:
     """arctan2 of (2 W,), which the mathematical library has for one number at a time only."""
     zero, one, half, quarter = np.float32(0.0), np.float32(1.0), np.float32(math.pi), np.float32(math.pi / 2)
