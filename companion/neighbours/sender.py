@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from dataclasses import replace
-from math import ceil
+from math import ceil, isfinite
 from typing import Final
 
 import numpy as np
@@ -97,7 +97,7 @@ class NeighbourSender:
         subcarriers these are, `ticks` is an AX card's fine clock."""
         self.dropped += len(self._csi) == self._csi.maxlen
         self._counted = frame is not None
-        power = int(np.clip(round(power_dbm), -128, 127)) if np.isfinite(power_dbm) else -128
+        power = min(max(round(power_dbm), -128), 127) if isfinite(power_dbm) else -128
         self._csi.append((frame or 0, t_ns, nic_us, csi, power, antenna, band, ticks))
 
     def add_sighting(self, sighting: Sighting) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from companion.neighbours.sender import NeighbourSender
 from companion.radio.card import ANTENNAS, ChannelSample
@@ -18,15 +17,16 @@ class Beacon:
 
     def __init__(self, sender: NeighbourSender) -> None:
         self._sender = sender
-        self._power: npt.NDArray[np.float32] = np.zeros(ANTENNAS, np.float32)
+        self._power: list[float] = []
         self._antenna = 0
 
     def add_sample(self, sample: ChannelSample) -> None:
         csi = sample.csi
-        power = np.einsum("sa,sa->a", csi, csi.conj()).real
-        power = np.pad(power, (0, ANTENNAS - len(power)))
-        self._power += (power - self._power) * (_SMOOTHING if self._power.any() else 1.0)
-        best = int(self._power.argmax())
+        power = [float(np.vdot(column, column).real) for column in csi.T]
+        power += [0.0] * (ANTENNAS - len(power))
+        smoothing = _SMOOTHING if any(self._power) else 1.0
+        self._power = [was + smoothing * (now - was) for was, now in zip(self._power or power, power, strict=True)]
+        best = max(range(ANTENNAS), key=self._power.__getitem__)
         if self._power[best] > _HYSTERESIS * self._power[self._antenna]:
             self._antenna = best
         self._sender.add_channel(
