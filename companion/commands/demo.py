@@ -14,6 +14,7 @@ from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
+from companion.sensing.worker_process import compile_kernel, is_compiled
 from companion.sim.demo import DemoRun, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
 from companion.sim.sample import write_sample
@@ -75,6 +76,9 @@ def demo(
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
     console = wide_console(_PIPE_WIDTH)
+    if not is_compiled():
+        console.print("compiling the AOA kernel, this once: half a minute, or some on a slow computer", highlight=False)
+        asyncio.run(compile_kernel("robust"))
     with LiveTable(console) as table:
         try:
             run = asyncio.run(run_demo(seed, out, max_time, table.show, gps, scene, card))

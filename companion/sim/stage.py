@@ -16,16 +16,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
 
-from companion.config.file import load_config, save_config
+from companion.config.document import read_document
+from companion.config.file import config_of, save_config
 from companion.config.schema import AutopilotConfig, Config
 from companion.errors import CompanionError
 from companion.host.child import die_with_parent
+from companion.shipped.files import shipped_text
 from companion.sim.scenario import CsiEndpoint, RobotScenario, Scenario, ax210_radio, encode_scenario
 from companion.sim.scenes import drives, fence_in, set_in
 from csi_bridge.feitcsi.netlink import vendor_events_available
 from csi_bridge.netlink import connector_available
 
-_CONFIGS: Final = Path(__file__).resolve().parents[2] / "configs"
 _STOP_S: Final = 5.0
 _PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=2")
 """What the preflight requires; PX4's own defaults are others. The lowest ceiling of the scenes is at 3.5 m."""
@@ -87,8 +88,8 @@ def set_stage(
     transport = "unix" if reason else _TRANSPORTS[card]
     claims = {} if transport == "unix" else claim_connectors(_ROBOTS)
     mavlink_port, neighbour_port = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
-    uav = load_config(_CONFIGS / "demo-uav.yaml")
-    beacon = load_config(_CONFIGS / "demo-beacon.yaml")
+    uav = _shipped("demo-uav.yaml")
+    beacon = _shipped("demo-beacon.yaml")
     if scene is not None and drives(scene):
         uav = _on_wheels(uav)
     uav = dataclasses.replace(
@@ -238,6 +239,12 @@ def claim_connectors(count: int, among: Iterable[int] = _CONNECTORS) -> dict[int
         if len(claims) == count:
             return claims
     raise CompanionError("every netlink connector index is taken by another demo; wait until one has ended")
+
+
+def _shipped(name: str) -> Config:
+    document = read_document(shipped_text(f"configs/{name}"), name)
+    assert isinstance(document, dict)
+    return config_of(document, name)
 
 
 def _placed(

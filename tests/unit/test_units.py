@@ -94,6 +94,7 @@ def test_a_service_is_ready_when_it_says_so_and_has_time_to_end(unit: Path) -> N
     assert keys["Type"] == ["notify"]
     assert float(keys["TimeoutStopSec"][0]) > END_LIMIT_S
     assert float(keys["TimeoutStartSec"][0]) > START_LIMIT_S
+    assert keys["KillMode"] == ["mixed"], "what carries the hand-over to Hold must not go before the service"
     assert keys["User"] == keys["Group"] == ["companion"]
     assert keys["ConfigurationDirectory"] == keys["StateDirectory"] == keys["LogsDirectory"] == ["companion"]
     assert {"CPUWeight", "OOMScoreAdjust", "WatchdogSec"} <= keys.keys()

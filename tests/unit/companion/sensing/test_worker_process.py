@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.sensing.worker_process import AoaProcess
+from companion.sensing.worker_process import AoaProcess, compile_kernel, is_compiled
 from companion.sensing.worker_wire import AoaResult
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import wavelength_m
@@ -141,3 +141,11 @@ async def test_a_backlog_drops_the_oldest_request() -> None:
     assert results == []  # an answer is an event of its own
     await asyncio.sleep(0)
     assert [(result.id, result.refusal) for result in results] == [(ids[0], "the AOA worker is behind")]
+
+
+@pytest.mark.long
+async def test_a_kernel_is_compiled_before_it_is_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not is_compiled()
+    await compile_kernel("robust")
+    assert is_compiled()
