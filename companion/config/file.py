@@ -36,7 +36,9 @@ def text_of(path: Path) -> str:
         with open_regular(path) as file:
             data = file.read(_LARGEST_BYTES + 1)
     except FileNotFoundError:
-        raise ConfigError(f"{path}: no such configuration file") from None
+        raise ConfigError(
+            f"{path}: no such configuration file; --config names another, `companion config example uav` prints one"
+        ) from None
     except (OSError, ValueError) as error:  # a name with a zero byte
         raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(data) > _LARGEST_BYTES:

@@ -14,6 +14,7 @@ import pytest
 
 from companion.cli import program
 from tests.paths import DOCS, ROOT
+from tests.printed_commands import NOT_RUN, RUN, mentioned, printed
 
 README = ROOT / "README.md"
 PAGES = [README, *sorted(DOCS.glob("*.md"))]
@@ -123,17 +124,34 @@ def test_a_csi_record_goes_one_way_through_at_most_eight_rooms() -> None:
     assert len(visits) == len(set(visits)) <= 8, visits
 
 
-@by_name(PAGES)
+@by_name(EVERY)
 def test_every_command_that_is_printed_is_one(path: Path) -> None:
-    for words in _commands(path):
+    for text in (*printed(path), *mentioned(path)):
+        words = re.sub(r"[\[\]]", "", text).split()
         command: click.Command = program
         while isinstance(command, click.Group) and words and re.fullmatch(r"[a-z][a-z-]*", words[0]):
             found = command.get_command(click.Context(command), words.pop(0))
-            assert found is not None, f"{path.name}: {words}"
+            assert found is not None, f"{path.name}: {text}"
             command = found
         options = {name for parameter in command.params for name in parameter.opts}
-        wanted = {word for word in words if re.fullmatch(r"--?[a-z][a-z-]*", word)}
+        wanted = {word for word in words if re.fullmatch(r"--?[a-z][a-z0-9-]*", word)}
         assert wanted <= options, f"{path.name}: {command.name} has no {wanted - options}"
+
+
+def test_every_command_that_is_printed_is_run_or_says_why_not() -> None:
+    """Those that are run: tests/sitl/test_printed_commands.py."""
+    commands = {text for path in PAGES for text in printed(path)}
+    run = {one.words for one in RUN}
+    assert not run & NOT_RUN.keys()
+    assert commands - run - NOT_RUN.keys() == set(), "not in tests/printed_commands.py"
+    ours = {text for path in EVERY for text in mentioned(path)} | commands
+    assert (run | NOT_RUN.keys()) - ours == set(), "no longer printed"
+
+
+def test_what_runs_a_command_instead_is_there() -> None:
+    files = {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+    for reason in NOT_RUN.values():
+        assert set(re.findall(r"test_\w+\.py", reason)) <= files, reason
 
 
 @by_name(PAGES)
@@ -184,14 +202,6 @@ def _functions(path: Path) -> Iterator[str]:
             for each in node.body:
                 if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef):
                     yield f"{node.name}.{each.name}"
-
-
-def _commands(path: Path) -> Iterator[list[str]]:
-    """The words behind `companion` of each indented line, comments off."""
-    for line in path.read_text().splitlines():
-        match = re.match(r"    (?:\.venv/bin/)?companion (.*)", line)
-        if match:
-            yield re.sub(r"[\[\]]", "", re.split(r"  +|#", match[1])[0]).split()
 
 
 _SYMPTOMS = 30
