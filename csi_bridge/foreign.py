@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+TEXT: Final = "a text file"
 _PCAP: Final = (b"\xa1\xb2\xc3\xd4", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d", b"\x4d\x3c\xb2\xa1")
 _NEXMON_PORT: Final = (5500).to_bytes(2, "big")
 _MAGIC: Final[tuple[tuple[bytes, str], ...]] = (
@@ -17,7 +18,22 @@ _MAGIC: Final[tuple[tuple[bytes, str], ...]] = (
     (b"MATLAB 5.0", "a MATLAB file"),
     (b"\x93NUMPY", "a NumPy file"),
     (b"\x0a\x0d\x0d\x0a", "a pcapng capture"),
+    (b"\x89HDF\r\n", "an HDF5 or MATLAB 7.3 file"),
+    (b"PAR1", "a Parquet file"),
+    (b"SQLite format 3", "an SQLite database, as rosbag2's .db3: give the folder of the bag"),
+    (b"#ROSBAG V", "a rosbag of ROS 1: rosbags-convert makes a rosbag2 of it"),
+    (b"ULog", "a ULog of PX4: see companion log merge --ulg"),
+    (b"\xa3\x95\x80", "a log of ArduPilot"),
+    (b"%PDF-", "a PDF"),
+    (b"version https://git-lfs", "a pointer of Git LFS and not the file: git lfs pull fetches it"),
+    (b"/annex/objects", "a pointer of git-annex and not the file"),
+    (b"<!DOCTYPE", "a web page: was it downloaded?"),
+    (b"<html", "a web page: was it downloaded?"),
+    (b"<?xml", "an XML file"),
+    (b"QGC WPL", "a mission of QGroundControl"),
 )
+_EPOCH_US: Final = (946_684_800_000_000, 4_102_444_800_000_000)
+"""2000 to 2100."""
 
 
 def foreign_format(start: bytes) -> str:
@@ -36,6 +52,15 @@ def _is_nexmon(start: bytes) -> bool:
 def _is_picoscenes(start: bytes) -> bool:
     """Each of its frames is made of named segments, the first of them RxSBasic; its header's magic is 0x20150315."""
     return b"RxSBasic" in start[:256] or start[4:8] == (0x20150315).to_bytes(4, "little")
+
+
+def _is_tlog(start: bytes) -> bool:
+    """Each MAVLink frame behind the wall time [us] of its arrival."""
+    return start[8:9] in (b"\xfd", b"\xfe") and _EPOCH_US[0] < int.from_bytes(start[:8], "big") < _EPOCH_US[1]
+
+
+def _is_json(start: bytes) -> bool:
+    return _is_text(start) and start.lstrip()[:1] in (b"{", b"[")
 
 
 def _is_text(start: bytes) -> bool:
@@ -60,6 +85,8 @@ _CONTENTS: Final[tuple[tuple[Callable[[bytes], bool], str], ...]] = (
     (lambda start: start.startswith(_PCAP), "a pcap capture"),
     (_is_picoscenes, "a PicoScenes log"),
     (_is_feitcsi, "a FeitCSI log (AX200, AX210)"),
+    (_is_tlog, "a telemetry log of MAVLink (.tlog)"),
     (_is_esp32, "ESP32 CSI as text"),
-    (_is_text, "a text file"),
+    (_is_json, "a JSON file"),
+    (_is_text, TEXT),
 )

@@ -40,6 +40,8 @@ from wsr.geometry import angles, wrap_angle
 OUTSIDE: Final = "outside trajectory"
 OUTSIDE_TX: Final = "outside the transmitter's trajectory"
 _MIN_RELIABILITY: Final = 0.1
+_MAX_RANGE_M: Final = 1000.0
+"""Beyond, no packet is heard: such a truth is in millimetres, or of another frame."""
 _MIN_SEEN: Final = 0.8
 
 
@@ -233,5 +235,12 @@ def _true_direction(
         raise _UnknownTruth(
             f"the receiver's true place is not known: {scene.mocap.path}: has poses at {seen} of {len(t_s)} packets"
         )
-    azimuth_rad, polar_rad = angles(scene.truth.transmitters[name] - p_m[inside].mean(axis=0) - offset_m)
+    there_m = scene.truth.transmitters[name] - p_m[inside].mean(axis=0) - offset_m
+    apart_m = float(np.linalg.norm(there_m))
+    if apart_m > _MAX_RANGE_M:
+        raise _UnknownTruth(
+            f"{scene.truth.path}: {name} is {apart_m:.0f} m from the receiver; expected metres, and below "
+            f"{_MAX_RANGE_M:.0f}"
+        )
+    azimuth_rad, polar_rad = angles(there_m)
     return Direction(float(azimuth_rad), float(polar_rad))

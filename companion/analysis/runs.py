@@ -38,6 +38,7 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 """The radio cards of the WSR data sets."""
 TRUTH_NAME: Final = "groundtruth_positions.json"
 _MAX_TRUTH_BYTES: Final = 10_000_000
+_EXPECTED_TRUTH: Final = "expected channel.value and true_tx_positions.value.NAME.position with x, y, z"
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.(?:dat|csi)")
 _TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
@@ -129,25 +130,18 @@ def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind |
 
 
 def read_truth(path: Path) -> Survey:
-    """Channel and true positions. Raises RecordingError that names the file and the key."""
+    """Channel and true positions. Raises RecordingError that names the file and the line or the key."""
+    content = _json_of(path)
     try:
-        with open_regular(path) as file:
-            data = file.read(_MAX_TRUTH_BYTES + 1)
-        if len(data) > _MAX_TRUTH_BYTES:
-            raise RecordingError(f"{path}: larger than 10 MB, expected a few true positions")
-        content = json.loads(data.decode("utf-8-sig"))
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from None
-    except (ValueError, RecursionError):
-        raise RecordingError(f"{path}: not a JSON file of true positions") from None
-    try:
-        channel = _whole(content["channel"]["value"])
+        channel = _whole(_at(content, "channel", "value"))
         channel_frequency_hz(channel)
-        places = {str(name): entry["position"] for name, entry in content["true_tx_positions"]["value"].items()}
-        positions = {name: np.array([float(place[axis]) for axis in "xyz"]) for name, place in places.items()}
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
-        what = f"key {error} is missing" if isinstance(error, KeyError) else str(error)
-        raise RecordingError(f"{path}: {what}; expected channel.value and true_tx_positions.value") from None
+        places = _at(content, "true_tx_positions", "value")
+        positions = {
+            name: np.array([_number(place, name, "position", axis) for axis in "xyz"])
+            for name, place in ((name, {name: entry}) for name, entry in _mapping(places, "value").items())
+        }
+    except (ValueError, OverflowError) as error:
+        raise RecordingError(f"{path}: {error}; {_EXPECTED_TRUTH}") from None
     for name, p in positions.items():
         if not np.all(np.abs(p) <= MAX_POSITION_M):
             raise RecordingError(
@@ -156,8 +150,61 @@ def read_truth(path: Path) -> Survey:
     return Survey(path, channel, {name: p for name, p in positions.items() if np.any(p != 0)})
 
 
+def _json_of(path: Path) -> object:
+    """Raises RecordingError; also for a key that stands twice, of which JSON would take the last."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(_MAX_TRUTH_BYTES + 1)
+        if len(data) > _MAX_TRUTH_BYTES:
+            raise RecordingError(f"{path}: larger than 10 MB, expected a few true positions")
+        return json.loads(data.decode("utf-8-sig"), object_pairs_hook=_once)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise RecordingError(f"{path}: not UTF-8; expected a JSON file of true positions") from None
+    except json.JSONDecodeError as error:
+        why = f"line {error.lineno}: {error.msg}"
+        raise RecordingError(f"{path}: not a JSON file of true positions: {why}") from None
+    except (ValueError, RecursionError) as error:
+        why = "nested too deep" if isinstance(error, RecursionError) else str(error)
+        raise RecordingError(f"{path}: not a JSON file of true positions: {why}") from None
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    values: dict[str, object] = {}
+    for name, value in pairs:
+        if name in values:
+            raise ValueError(f"{name} is there twice; keep one of them")
+        values[name] = value
+    return values
+
+
+def _mapping(value: object, name: str) -> dict[str, object]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} holds {json.dumps(value)[:40]}, no keys")
+    return value
+
+
+def _at(content: object, *keys: str) -> object:
+    """Raises ValueError naming the key that is not there."""
+    name = "it"
+    for key in keys:
+        inside = _mapping(content, name)
+        if key not in inside:
+            raise ValueError(f"key {key!r} is missing")
+        content, name = inside[key], key
+    return content
+
+
+def _number(content: object, *keys: str) -> float:
+    value = _at(content, *keys)
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{'.'.join(keys)} is {json.dumps(value)[:40]}, no number")
+    return float(value)
+
+
 def _whole(value: object) -> int:
-    number = float(value)  # type: ignore[arg-type]
+    number = _number({"channel.value": value}, "channel.value")
     if not number.is_integer():
         raise ValueError(f"channel.value is {value}, not a whole number")
     return int(number)

@@ -97,7 +97,9 @@ def check_speed(path: str, lines: Lines, t_s: Array, p_m: Array) -> None:
         return
     apart = min(len(steps_s), max(1, int(np.ceil(_SPEED_OVER_S / max(float(np.median(steps_s)), 1e-6)))))
     over_s = t_s[apart:] - t_s[:-apart]
-    speed_m_s = np.linalg.norm(p_m[apart:] - p_m[:-apart], axis=1) / np.maximum(over_s, 1e-9)
+    # Along the path: what goes in circles in another unit of time comes back to where it was.
+    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p_m, axis=0), axis=1))])
+    speed_m_s = (way_m[apart:] - way_m[:-apart]) / np.maximum(over_s, 1e-9)
     limits_m_s = (_MAX_SPEED_M_S, _MAX_STEADY_M_S) if t_s[-1] - t_s[0] > _STEADY_S else (_MAX_SPEED_M_S,)
     for most_m_s in limits_m_s:
         fast = np.flatnonzero((speed_m_s > most_m_s) & (over_s > 0))

@@ -59,9 +59,11 @@ _ANGLE_UNITS: Final = {
 _UNIT: Final = re.compile(r"[\[(]([^\])]*)[\])]")
 _NOT_MEASURED: Final = re.compile(
     r"(?:.*_)?(?:set_?point|sp|goal|desired|ref|reference|cmd|command|err|error|cov|covariance|std|stddev|sigma|rms|var"
-    r"|variance|vel|velocity|acc|acceleration)(?:_.*)?"
+    r"|variance|vel|velocity|acc|acceleration|target|waypoint|wp|home|planned|expected)(?:_.*)?"
 )
 """Beside a pose there may be what was asked for, and how sure it is: neither is a place."""
+_OTHER_AXES: Final = frozenset({"ned", "frd", "nwu", "nue", "rdf", "ecef", "lla", "wgs84", "optical"})
+"""Words of a heading that say that its axes are not East, North, Up."""
 _OTHER_TURN: Final = re.compile(r"(?:.*_)?(?:(?:q|quat|quaternion)_?(?:\d|[rijk])|r_?[xyzw])")
 """An attitude in one of several orders, or a rotation vector, or angles: nobody can tell."""
 _SUFFIX: Final = re.compile(r"(.+)_(ns|us|ms|s|m|cm|mm|deg|rad)")
@@ -170,6 +172,7 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
     (time,) = found["t"] if "t" in found else found["sec"]
     nsec = found["nsec"][0].index if "sec" in found and "nsec" in found else None
     x, y, z = (found[axis][0] for axis in "xyz")
+    _refuse_other_axes(path, (x, y, z))
     angles = _angles(found, bool(quaternion))
     if not quaternion and angles is None:
         _refuse_other_turns(path, texts)
@@ -208,6 +211,16 @@ def _check_one_unit(path: str, headings: Sequence[_Heading]) -> None:
         if other.unit != first.unit:
             raise TrajectoryError(
                 f"{path}: headings {first.text} and {other.text} are not of one unit; expected the same for all of them"
+            )
+
+
+def _refuse_other_axes(path: str, places: Sequence[_Heading]) -> None:
+    """Raises TrajectoryError for a place whose heading names axes that are not ours."""
+    for place in places:
+        named = next((word for word in place.name.split("_") if word in _OTHER_AXES), None)
+        if named is not None:
+            raise TrajectoryError(
+                f"{path}: heading {place.text} says {named}; expected x, y, z turned to East, North, Up"
             )
 
 

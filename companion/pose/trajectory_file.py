@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from companion.pose.trajectory_columns import (
     columns_by_headings,
     columns_by_layout,
 )
+from csi_bridge.foreign import TEXT, foreign_format
 from csi_bridge.regular_file import open_regular
 
 Array = npt.NDArray[np.float64]
@@ -33,7 +35,9 @@ Numbered = tuple[int, list[float]]
 _NS: Final = 1_000_000_000
 _MAX_BYTES: Final = 1 << 30
 _MAX_ANGLE_RAD: Final = 2 * math.pi + 0.01
-_MAGIC: Final = ((b"\x1f\x8b", "gzip, unpack it first"), (b"PK\x03\x04", "a zip archive, unpack it first"))
+_EXPECTED_TEXT: Final = f"expected rows of a trajectory as text; {EXPECTED}"
+_FIRST_BYTES: Final = 4096
+_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -59,9 +63,10 @@ def read_trajectory_file(path: Path) -> TrajectoryFile:
     if is_bag(path):
         return _trajectory(path, *read_bag(path, notes), notes)
     lines = _lines(path, notes)
-    rows = _rows(lines)
+    rows = _rows(str(path), lines)
     if not rows:
-        raise TrajectoryError(f"{path}: empty file, expected a trajectory")
+        what = "not one whole line" if notes else "empty file"
+        raise TrajectoryError(f"{path}: {what}, expected a trajectory")
     if is_motive(rows):
         layout = LAYOUT
         found, unseen = motive_rows(str(path), rows)
@@ -106,31 +111,41 @@ def _lines(path: Path, notes: list[str]) -> list[str]:
             data = file.read()
     except OSError as error:
         raise TrajectoryError(f"{path}: {error.strerror}") from None
-    for magic, what in _MAGIC:
-        if data.startswith(magic):
-            raise TrajectoryError(f"{path}: {what}; expected a text file")
+    what = foreign_format(data[:_FIRST_BYTES])
+    if what not in ("", TEXT):
+        raise TrajectoryError(f"{path}: {what}; {_EXPECTED_TEXT}")
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise TrajectoryError(f"{path}: UTF-16 text; save it as UTF-8")
+    data = data.rstrip(b"\0")  # as a file system leaves them behind what was not yet written
+    if b"\0" in data:
+        line = data[: data.index(b"\0")].count(b"\n") + 1
+        raise TrajectoryError(f"{path}: not a text file in UTF-8: line {line} holds zero bytes; {_EXPECTED_TEXT}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise TrajectoryError(f"{path}: not a text file, expected rows of a trajectory; {EXPECTED}") from None
+        raise TrajectoryError(f"{path}: not a text file in UTF-8; {_EXPECTED_TEXT}") from None
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if lines[-1].strip():
         notes.append(f"{path}: its last line, {len(lines)}, is cut off (no line end) and not used")
     return lines[:-1]
 
 
-def _rows(lines: Sequence[str]) -> list[Row]:
-    """What is neither blank nor a comment, in fields."""
+def _rows(path: str, lines: Sequence[str]) -> list[Row]:
+    """What is neither blank nor a comment, in fields. Raises TrajectoryError."""
     content = [(n, line) for n, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
     separator = _separator(content[0][1]) if content else None
-    return [(number, _fields(line, separator)) for number, line in content]
+    rows = []
+    for number, line in content:
+        try:
+            rows.append((number, _fields(line, separator)))
+        except csv.Error as error:
+            raise TrajectoryError(f"{path}: line {number} is no row of a table: {error}") from None
+    return rows
 
 
 def _separator(line: str) -> str | None:
     """None for blanks of any kind; a tab where headings have blanks of their own (`time [s]`)."""
-    marks = ",;" if all(map(_is_number, line.split())) else ",;\t"
+    marks = ";," if all(map(_is_number, line.split())) else ";,\t"
     return next((mark for mark in marks if mark in line), None)
 
 
@@ -147,6 +162,8 @@ def _fields(line: str, separator: str | None) -> list[str]:
 def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) -> tuple[str, list[Numbered]]:
     name, (line, first) = str(path), rows[0]
     separator, width = _separator(lines[line - 1]), len(_stripped(first))
+    if all(_DECIMAL_COMMA.fullmatch(field.strip()) for field in first[:width]):
+        raise TrajectoryError(f"{name}: line {line} has decimal commas; expected decimal points")
     if not any(map(_is_number, first)):
         columns, rows = columns_by_headings(name, _stripped(first)), rows[1:]
         if separator is None:  # a blank within a heading shifts all that follow
@@ -244,7 +261,8 @@ def _number(where: str, columns: Columns, fields: Sequence[str], at: int) -> flo
     try:
         return float(text)
     except ValueError:
-        raise TrajectoryError(f"{where} is no row of numbers: {name} is {text[:40]!r}") from None
+        comma = "; expected a decimal point" if _DECIMAL_COMMA.fullmatch(text) else ""
+        raise TrajectoryError(f"{where} is no row of numbers: {name} is {text[:40]!r}{comma}") from None
 
 
 def _from_angles(where: str, columns: Columns, fields: Sequence[str]) -> list[float]:

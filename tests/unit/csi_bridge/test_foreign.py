@@ -38,6 +38,11 @@ ESP32 = b"type,seq,mac,rssi,rate,sig_mode,mcs,bandwidth\nCSI_DATA,0,1a:00:00:00:
         (bytes(8192), "all zero"),
         (b"sec,nsec,x,y,z\n" * 30, "a text file"),
         (b"\x89MCAP0\r\n" + bytes(100), "an MCAP log"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(100), "an HDF5"),
+        (b"#ROSBAG V2.0\n" + bytes(100), "a rosbag of ROS 1"),
+        (struct.pack(">Q", 1_700_000_000_000_000) + b"\xfd" + bytes(20), "a telemetry log of MAVLink"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:ab\n", "a pointer of Git LFS"),
+        (b"<!DOCTYPE html><html>", "a web page"),
     ],
 )
 def test_a_foreign_file_is_named(tmp_path: Path, content: bytes, named: str) -> None:

@@ -137,3 +137,31 @@ def test_a_true_position_that_is_no_place_is_refused(tmp_path: Path, value: str)
     path.write_text('{"channel": {"value": 108}, "true_tx_positions": {"value": PLACES}}'.replace("PLACES", places))
     with pytest.raises(RecordingError, match=r"truth\.json: position of tx3 is \[1\.0, .*expected metres"):
         read_truth(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('"channel":', '"channel": {"value": 36}, "channel":', "channel is there twice"),
+        ('"tx3":', '"tx3": {"position": {"x": 9, "y": 9, "z": 9}}, "tx3":', "tx3 is there twice"),
+        ('"z": 2', '"z": true', r"tx3\.position\.z is true, no number"),
+        ("108", "true", r"channel\.value is true, no number"),
+        (', "z": 2', "", "key 'z' is missing"),
+        ('{"x": 1, "y": 3, "z": 2}', "[1, 3, 2]", r"position holds \[1, 3, 2\], no keys; expected .*NAME\.position"),
+        ("}}}}}", "}}}}},", "line 1: Extra data"),
+        ('{"channel"', "\n\nchannel", "line 3: Expecting value"),
+    ],
+)
+def test_what_is_wrong_in_a_truth_file_is_named(tmp_path: Path, old: str, new: str, named: str) -> None:
+    path = tmp_path / "truth.json"
+    place = '"tx3": {"position": {"x": 1, "y": 3, "z": 2}}'
+    text = '{"channel": {"value": 108}, "true_tx_positions": {"value": {' + place + "}}}"
+    path.write_text(text)
+    assert read_truth(path).transmitters["tx3"].tolist() == [1.0, 3.0, 2.0]
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(RecordingError, match=rf"truth\.json: .*{named}") as told:
+        read_truth(path)
+    assert "\n" not in str(told.value)
+    path.write_bytes(text.encode("utf-16"))
+    with pytest.raises(RecordingError, match="not UTF-8"):
+        read_truth(path)

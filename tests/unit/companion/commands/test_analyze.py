@@ -211,6 +211,15 @@ def test_a_channel_that_the_truth_contradicts_is_said(cli: Cli, run: RunFolder) 
     assert "says channel" not in cli(run.folder, "--no-pictures", "--channel", "108").out
 
 
+def test_a_truth_in_millimetres_is_none(cli: Cli, run: RunFolder, tmp_path: Path) -> None:
+    truth = json.loads(run.truth.read_text())
+    place = truth["true_tx_positions"]["value"]["tx2"]["position"]
+    place.update({axis: 1000 * value for axis, value in place.items()})
+    run.truth.write_text(json.dumps(truth))
+    assert cli(run.folder, "--no-pictures", "--json", "r.json").code == 0
+    assert "expected metres, and below 1000" in links(tmp_path / "r.json")["tx2"]["truth_problem"]
+
+
 def test_damage_is_reported_and_the_rest_is_used(cli: Cli, run: RunFolder, tmp_path: Path) -> None:
     for path, at in ((run.rx, 100), (run.tx, 200)):
         content = bytearray(path.read_bytes())

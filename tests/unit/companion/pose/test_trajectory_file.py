@@ -159,6 +159,8 @@ REFUSED = [
     ("txyzdabc", " ", "", "with w first it would stand"),
     ("txyz0", " ", "time [s] x y z speed\n", "line 2 has 5 columns, expected 6"),
     ("txyz", ",", "t,setpoint_position_x,setpoint_position_y,setpoint_position_z\n", "x, y, z missing in its headings"),
+    ("txyz", ",", "t,target_position_x,target_position_y,target_position_z\n", "x, y, z missing in its headings"),
+    ("tyxz", ",", "t,ned_pos_x,ned_pos_y,ned_pos_z\n", "ned_pos_x says ned; expected x, y, z turned to East"),
     ("sxyz", ",", "sec,x,y,z\n", "has the stamp of the one before"),
     ("txyz00D", ",", "t,x,y,z,roll,pitch,yaw\n", "expected radians"),
     ("txyz00", ",", "t,x,y,z\n", "line 2 has 6 columns, expected 4"),
@@ -240,6 +242,20 @@ def test_other_units_without_a_heading_are_no_robots(
         _of_steady(tmp_path, scale_t, scale_m)
 
 
+def test_what_goes_in_circles_in_minutes_is_too_fast_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "circle.csv"
+    rows = [(n / 20 / 60, np.cos(n / 20), np.sin(n / 20)) for n in range(1200)]
+    path.write_text("t,x,y,z\n" + "".join(f"{t:.7f},{x:.6f},{y:.6f},0\n" for t, x, y in rows))
+    with pytest.raises(TrajectoryError, match=r"60(\.0\d*)? m/s after line|59.99 m/s after line"):
+        read_trajectory_file(path)
+
+
+def test_zero_bytes_at_the_end_are_passed_over(tmp_path: Path) -> None:
+    path = written(tmp_path, lambda row: numbers(row, "txyzabcd", " "))
+    path.write_bytes(path.read_bytes() + bytes(4096))
+    same(read_trajectory_file(path), True)
+
+
 def test_microseconds_in_the_place_of_nanoseconds_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
     path.write_text("".join(f"{n // 50},{n % 50 * 20000},{n / 500:.4f},0,0\n" for n in range(200)))
@@ -277,7 +293,17 @@ def test_stamps_that_step_back_are_left_out_if_few_and_refused_if_many(tmp_path:
     [
         (b"", "empty file"),
         (b"\n\n# nothing\n", "empty file"),
-        (b"\x1f\x8b\x08\x00abc", "gzip, unpack it first"),
+        (b"\x1f\x8b\x08\x00abc", "gzip: unpack it first"),
+        (b"MATLAB 5.0 MAT-file" + bytes(200), "a MATLAB file"),
+        (b"ULog\x01\x12\x35" + bytes(50), "a ULog of PX4"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:ab\n", "git lfs pull"),
+        (b'{"fileType": "Plan"}\n', "a JSON file"),
+        (b"t,x,y,z\n1,2,3,4\n" + bytes(9) + b"2,2,3,4\n", "line 3 holds zero bytes"),
+        ("t,x,y,z\n1,2,3,4\n".encode("utf-16-le"), "line 1 holds zero bytes"),
+        (b"t,x,y,z", "not one whole line"),
+        (b't,x,y,z\n"' + b"a" * 140_000 + b'",1,2,3\n', "line 2 is no row of a table"),
+        (b"t;x;y;z\n0,5;1;2;3\n", "t is '0,5'; expected a decimal point"),
+        (b"0,5;1,0;2,0;3,0\n", "line 1 has decimal commas"),
         (b"PK\x03\x04abc", "zip archive"),
         ("t,x,y,z\n1,2,3,4\n".encode("utf-16"), "UTF-16 text; save it as UTF-8"),
         (b"t,x,y,z\n1,2,3,\xff\n", "not a text file"),
