@@ -23,8 +23,10 @@ from companion.errors import CompanionError
 from companion.log.parts import parts_beside
 from companion.log.scan import MAGIC_BYTES, RecordScan
 from companion.log.writer import CHECKSUM, LIBRARY, METADATA, checksum_of
+from csi_bridge.foreign import TEXT, foreign_format
 from csi_bridge.regular_file import open_regular
 
+_FIRST_BYTES: Final = 4096
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
 """Called with the bytes read and the bytes there are."""
@@ -91,7 +93,9 @@ class LogScan:
             names = ", ".join(sorted(map(repr, records.unknown)))
             raise CompanionError(f"{self.path}: compression {names} is not known; expected zstd, lz4 or none")
         if magic != MCAP0_MAGIC[: len(magic)] and not records.chunks:
-            raise CompanionError(f"{self.path}: not an MCAP log: it begins with {magic!r}")
+            if records.damaged:
+                raise CompanionError(f"{self.path}: damaged at its beginning (companion log repair saves the rest)")
+            raise CompanionError(f"{self.path}: {_no_mcap(self.path)}")
 
     def _messages(self, records: RecordScan, file: BinaryIO) -> Iterator[LoggedMessage]:
         channels: dict[int, Channel] = {}
@@ -286,10 +290,20 @@ def _why_no_log(path: Path) -> str:
         scan = RecordScan(file)
         is_own = any(isinstance(record, Header) and record.library == LIBRARY for record in scan)
         if magic != MCAP0_MAGIC[: len(magic)] and not scan.chunks:
-            return f"not an MCAP log: it begins with {magic!r}"
+            return _no_mcap(path)
         if is_own or not scan.is_whole:
             return f"cut off or damaged: its metadata {METADATA!r} cannot be read"
     return f"no log of this program (it has no metadata {METADATA!r})"
+
+
+def _no_mcap(path: Path) -> str:
+    """What a file is that begins otherwise."""
+    with open_regular(path) as file:
+        start = file.read(_FIRST_BYTES)
+    what = foreign_format(start)
+    if what in ("", TEXT):
+        what = f"it begins with {start[:MAGIC_BYTES]!r}"
+    return f"not an MCAP log: {what}"
 
 
 @contextmanager

@@ -42,6 +42,8 @@ def repair(source: Path, target: Path, progress: Progress | None = None) -> Repa
         for message in scan:
             copy(writer, message)
             count += 1
+        if not count and METADATA not in metadata:
+            raise CompanionError(f"{source}: nothing could be saved: neither a message nor its configuration is there")
     return Repair(count, scan.is_whole, scan.damaged, scan.lost_bytes, METADATA in metadata)
 
 

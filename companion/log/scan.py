@@ -246,6 +246,8 @@ def _records_in(data: bytes) -> Iterator[McapRecord]:
         start, at = at + _HEAD.size, at + _HEAD.size + length
         if at > len(data):
             raise EOFError("a record ends outside of its chunk")
+        if code == 0:  # which no record has; of a chunk of zeros each nine bytes would be one
+            raise ValueError("zeros where a record begins")
         if code in _IN_CHUNK:
             yield _READ[code](data[start:at])
 
