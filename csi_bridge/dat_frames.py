@@ -76,13 +76,6 @@ class Frames:
         self.unknown += code not in (CSI_CODE, MPDU_CODE)
 
 
-def frame_offsets(path: str | Path) -> tuple[Content, npt.NDArray[np.int64]]:
-    """The file's bytes and the `offsets` of its frames. Raises DatFileError for a file that is missing, unreadable,
-    empty or no CSI log."""
-    data = content(Path(path))
-    return data, offsets(sound_frames(Path(path), data))
-
-
 def offsets(frames: Frames) -> npt.NDArray[np.int64]:
     """(N, 2) where each sound frame, CSI or other, begins and ends, in order."""
     begins = [run.first + run.size * np.arange(run.count, dtype=np.int64) for run in frames.runs]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Callable
 from typing import Final
 
@@ -64,7 +65,11 @@ def _is_json(start: bytes) -> bool:
 
 
 def _is_text(start: bytes) -> bool:
-    return bool(start) and b"\0" not in start and sum(byte < 9 for byte in start) == 0
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # which may end within a letter
+    except UnicodeDecodeError:
+        return False
+    return bool(start) and not any(byte < 9 for byte in start)
 
 
 def _is_esp32(start: bytes) -> bool:

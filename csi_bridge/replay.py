@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from csi_bridge.clock import median_of_five
-from csi_bridge.dat_frames import Content, DatFileError, frame_offsets
+from csi_bridge.dat_frames import Content, DatFileError, content, offsets, sound_frames
 from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
 from csi_bridge.parser import HEADER, STAMP, body_shape
@@ -46,6 +46,9 @@ class Tape:
     t_s: npt.NDArray[np.float64]
     due_s: npt.NDArray[np.float64]
     """(N,) when to send each, from 0 on, spaced by the card's clock: the host's may have been set meanwhile."""
+    malformed_count: int = 0
+    """Records that could not be read, and are left out."""
+    skipped_bytes: int = 0
 
     @property
     def is_feitcsi(self) -> bool:
@@ -83,12 +86,14 @@ def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
     stamps = np.array([record.timestamp_low_us for record in log.records], np.uint32)
     is_wall = bool(np.all(host_s > 0))
     due_s = _spaced(stamps, host_s if is_wall else None)
-    return Tape(log.path, records, np.maximum.accumulate(host_s) if is_wall else due_s, due_s)
+    times = np.maximum.accumulate(host_s) if is_wall else due_s
+    return Tape(log.path, records, times, due_s, log.damaged_count, log.skipped_bytes)
 
 
 def _connector_tape(path: Path) -> Tape:
-    data, frames = frame_offsets(path)
-    records = _Records(data, frames)
+    data = content(path)
+    frames = sound_frames(path, data)
+    records = _Records(data, offsets(frames))
     stamps, host_s = np.zeros(len(records), np.uint32), np.full(len(records), np.nan)
     for number, (code, body) in enumerate(records):
         if code != CSI_CODE:
@@ -107,7 +112,7 @@ def _connector_tape(path: Path) -> Tape:
     due_s = _spaced(stamps[known], host_s[known] if is_wall else None)
     times = np.maximum.accumulate(host_s[known]) if is_wall else due_s
     follower = np.minimum(np.searchsorted(known, np.arange(len(records))), len(known) - 1)
-    return Tape(path, records, times[follower], due_s[follower])
+    return Tape(path, records, times[follower], due_s[follower], frames.malformed, frames.skipped_bytes)
 
 
 class _Records(Sequence[tuple[int, bytes]]):

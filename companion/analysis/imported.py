@@ -109,9 +109,13 @@ def scene_of(session: Session) -> ImportedScene:
     for _ in scan:
         pass
     try:
-        return msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=ImportedScene)
-    except (KeyError, msgspec.DecodeError):
+        scene = msgspec.json.decode(scan.metadata[RECORDING]["scene"], type=ImportedScene)
+    except (KeyError, RecursionError, msgspec.DecodeError):
         raise CompanionError(f"{session.paths[0]}: no imported recording (metadata {RECORDING!r} is missing)") from None
+    for name in (scene.stamp, scene.set_name, scene.folder):
+        if "/" in name or "\0" in name or name in (".", ".."):
+            raise CompanionError(f"{session.paths[0]}: its recording is named {name[:60]!r}; expected a name, no path")
+    return scene
 
 
 def export(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None = None) -> list[Path]:
@@ -141,7 +145,7 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
         elif message.topic.startswith(POSE.topic + "/"):
             poses.setdefault(message.topic.rpartition("/")[2], []).append(_csv_row(message.data))
         elif message.topic.startswith(_PEER) and message.topic.endswith(POSE.topic):
-            name = message.topic.removeprefix(_PEER).removesuffix(POSE.topic)
+            name = _plain_name(message.topic.removeprefix(_PEER).removesuffix(POSE.topic))
             tx_poses.setdefault(name, []).append(_csv_row(message.data))
     files: dict[Path, bytes] = {}
     for name, records in csi.items():
@@ -247,6 +251,8 @@ def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> Iterator[_
     except DatFileError as error:
         problems.append(str(error))
         return None
+    if tape.malformed_count or tape.skipped_bytes:
+        problems.append(f"{path}: {tape.malformed_count} malformed records, {tape.skipped_bytes} bytes skipped")
     times_ns = np.rint(tape.t_s * 1e9).astype(np.int64)
     numbered = enumerate(zip(times_ns, tape.records, strict=True))
     return ((int(t_ns), number, stream, bytes([code]) + body) for number, (t_ns, (code, body)) in numbered)
@@ -332,7 +338,12 @@ def _peer_stream(name: str) -> Stream:
 
 
 def _name_of(topic: str) -> str:
-    return topic.removeprefix(_PEER).removesuffix(CSI.topic) if topic.startswith(_PEER) else "rx"
+    return _plain_name(topic.removeprefix(_PEER).removesuffix(CSI.topic)) if topic.startswith(_PEER) else "rx"
+
+
+def _plain_name(name: str) -> str:
+    """As a part of a file's name, which a topic need not be."""
+    return name.replace("/", "_").replace("\0", "_")
 
 
 def _vector(p_m: np.ndarray) -> Vector3:

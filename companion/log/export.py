@@ -211,7 +211,7 @@ def _of_trajectory(topic: str, message: LoggedMessage) -> tuple[str, int, tuple[
     logged = PoseInFrame.FromString(message.data)
     p, q = logged.pose.position, logged.pose.orientation
     turn = (q.w, q.x, q.y, q.z) if logged.pose.HasField("orientation") else (1.0, 0.0, 0.0, 0.0)
-    return topic.removeprefix(_TRAJECTORY), time_ns(logged.timestamp), (p.x, p.y, p.z, *turn)
+    return topic.removeprefix(_TRAJECTORY).replace("/", "_"), time_ns(logged.timestamp), (p.x, p.y, p.z, *turn)
 
 
 def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:

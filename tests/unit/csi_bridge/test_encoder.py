@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from csi_bridge.dat import read_dat
-from csi_bridge.dat_frames import frame_offsets
+from csi_bridge.dat_frames import content, offsets, sound_frames
 from csi_bridge.encoder import EncodeError, encode_body, encode_file_record
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord
@@ -55,7 +55,8 @@ REAL = (
 @needs_data
 @pytest.mark.parametrize("name", REAL)
 def test_a_real_log_taken_apart_and_written_again_is_the_same_file(name: str) -> None:
-    data, frames = frame_offsets(DATA / name)
+    data = content(DATA / name)
+    frames = offsets(sound_frames(DATA / name, data))
     again = b""
     for start, end in frames:
         code, body = data[start + 2], data[start + 3 : end]

@@ -43,6 +43,7 @@ ESP32 = b"type,seq,mac,rssi,rate,sig_mode,mcs,bandwidth\nCSI_DATA,0,1a:00:00:00:
         (struct.pack(">Q", 1_700_000_000_000_000) + b"\xfd" + bytes(20), "a telemetry log of MAVLink"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:ab\n", "a pointer of Git LFS"),
         (b"<!DOCTYPE html><html>", "a web page"),
+        (b"\xff" * 300, "0 CSI records in 300 bytes"),
     ],
 )
 def test_a_foreign_file_is_named(tmp_path: Path, content: bytes, named: str) -> None:

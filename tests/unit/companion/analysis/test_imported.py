@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -117,3 +118,28 @@ def test_a_recording_that_has_lost_its_csi_says_so(run: RunFolder, tmp_path: Pat
         writer.finish()
     with pytest.raises(CompanionError, match=rf"^run {found.stamp}: its log holds no CSI$"):
         analyze_session(open_session(poses))
+
+
+def test_a_damaged_log_is_imported_and_said_to_be(run: RunFolder, tmp_path: Path) -> None:
+    content = bytearray(run.rx.read_bytes())
+    content[2000:2100] = bytes(100)
+    run.rx.write_bytes(content)
+    (found,) = find_runs(run.folder)
+    assert re.fullmatch(
+        rf"{run.rx}: \d malformed records, \d+ bytes skipped",
+        *import_run(found, tmp_path / "a.mcap", Options()).problems,
+    )
+
+
+@pytest.mark.parametrize("key", ["stamp", "set_name", "folder"])
+@pytest.mark.parametrize("name", ["../../out", "/tmp/out", ".."])
+def test_a_recording_writes_no_file_outside_of_its_folder(run: RunFolder, tmp_path: Path, key: str, name: str) -> None:
+    log = tmp_path / "run.mcap"
+    scene = {"stamp": "s", "set_name": "s", "folder": "f", "loose": False, "channel": 108, key: name}
+    with log.open("wb") as file:
+        writer = LogWriter(file, {"role": "recording", "name": "s"})
+        writer.add_metadata("recording", {"scene": json.dumps(scene)})
+        writer.finish()
+    with pytest.raises(CompanionError, match="expected a name, no path"):
+        export_run(open_session(log), tmp_path / "a" / "b")
+    assert not (tmp_path / "a").exists()

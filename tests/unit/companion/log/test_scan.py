@@ -130,3 +130,38 @@ def test_records_that_are_only_skipped_are_not_read(tmp_path: Path) -> None:
     assert "Message" not in kinds
     assert "Metadata" in kinds
     assert scan.is_whole
+
+
+def test_a_chunk_of_zeros_is_no_hundred_thousand_records(tmp_path: Path) -> None:
+    path = tmp_path / "zeros.mcap"
+    data = bytes(900_000)
+    chunk = struct.pack("<QQQIIQ", 0, 1, len(data), 0, 0, len(data)) + data
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", Opcode.CHUNK, len(chunk)) + chunk)
+    with path.open("rb") as file:
+        scan = RecordScan(file)
+        assert list(scan) == [] and not scan.is_whole and scan.chunks == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"#ROSBAG V2.0\n", "a rosbag of ROS 1"),
+        (b"ULog\x01\x12\x35", "a ULog of PX4"),
+        (b"hello, there\n", "it begins with b'hello, t'"),
+    ],
+)
+def test_another_programs_file_is_named(tmp_path: Path, content: bytes, named: str) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(content + bytes(100) * (b"," not in content))
+    for read in (inspect, open_session, lambda one: repair(one, tmp_path / "saved.mcap")):
+        with pytest.raises(CompanionError, match=rf"log\.mcap: not an MCAP log: {named}"):
+            read(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"\x89MC"])
+def test_a_repair_that_saves_nothing_fails_and_leaves_nothing(tmp_path: Path, content: bytes) -> None:
+    path, target = tmp_path / "log.mcap", tmp_path / "saved.mcap"
+    path.write_bytes(content)
+    with pytest.raises(CompanionError, match="nothing could be saved"):
+        repair(path, target)
+    assert not target.exists()
