@@ -27,12 +27,13 @@ def write_bag(
             kind = f"{room}/msg/{name}"
             connection = bag.add_connection(topic, kind, typestore=STORE)
             for t_ns, row in rows:
-                content = _message(name, t_ns if has_stamps else 0, row)
+                content = message(name, t_ns if has_stamps else 0, row)
                 bag.write(connection, t_ns, STORE.serialize_cdr(content, kind))
     return path
 
 
-def _message(name: str, t_ns: int, row: tuple[float, ...]) -> Any:
+def message(name: str, t_ns: int, row: tuple[float, ...]) -> Any:
+    """One message of a kind that `write_bag` knows."""
     if name == "String":
         return TYPES["std_msgs/msg/String"](data="hello")
     x, y, z, qx, qy, qz, qw = row

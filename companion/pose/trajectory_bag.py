@@ -1,4 +1,4 @@
-"""A trajectory of a rosbag2 (a folder with metadata.yaml, or one .mcap file of it), by the library `rosbags`.
+"""A trajectory of a rosbag2 (a folder with metadata.yaml, or one .mcap or .db3 file of it), by the library `rosbags`.
 
 Read are PoseStamped, PoseWithCovarianceStamped and Odometry, definitions as the bag has them. What comes out are rows
 as those of any other trajectory file, so that the same checks judge them.
@@ -7,6 +7,7 @@ as those of any other trajectory file, so that the same checks judge them.
 from __future__ import annotations
 
 import importlib
+import os
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,10 @@ _TYPES: Final = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": "PoseWithCovarianceStamped",
     "nav_msgs/msg/Odometry": "Odometry",
 }
+_MAGIC: Final = b"\x89MCAP0\r\n"
+"""Begins and ends a file."""
+_METADATA: Final = "metadata.yaml"
+_STORAGES: Final = (".mcap", ".db3")
 _NS: Final = 1_000_000_000
 _MOST: Final = 10_000_000
 """Messages: two weeks at motion capture's fastest common rate say something else is in there."""
@@ -32,10 +37,10 @@ _DAMAGED: Final = (
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path, less a topic behind a #, is a folder with metadata.yaml, or named like an MCAP file."""
+    """Whether a path, less a topic behind a #, is a folder with metadata.yaml or a storage file, or named like one."""
     try:
         bag, _ = _parted(path)
-        return bag.suffix == ".mcap" or (bag / "metadata.yaml").is_file()
+        return bag.suffix in _STORAGES or (bag / _METADATA).is_file() or bool(_stored(bag))
     except OSError:  # a name that no file can have
         return False
 
@@ -49,13 +54,14 @@ def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[fl
     if not bag.exists():
         raise TrajectoryError(f"{bag}: No such file or directory")
     _refuse_what_waits(bag)
+    _refuse_unfinished(bag)
     highlevel, typesys = _library("rosbags.highlevel", bag), _library("rosbags.typesys", bag)
     try:
         known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
         with highlevel.AnyReader([bag], default_typestore=known) as reader:
-            connection = _chosen(bag, topic, reader.connections)
-            kind = _TYPES[connection.msgtype]
-            rows = list(_rows(reader, connection))
+            chosen = _chosen(bag, topic, reader.connections)
+            kind, name = _TYPES[chosen[0].msgtype], chosen[0].topic
+            rows = list(_rows(reader, chosen))
     except TrajectoryError:
         raise
     except _errors(highlevel) as error:
@@ -63,9 +69,9 @@ def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[fl
         raise TrajectoryError(f"{bag}: not a rosbag2 that can be read: {what}") from None
     stamped = [(number, values) for number, _, values in rows]
     if rows and all(values[0] == 0 for _, values in stamped):
-        notes.append(f"{path}: {connection.topic} has no stamps in its headers; the bag's own times are used")
+        notes.append(f"{path}: {name} has no stamps in its headers; the bag's own times are used")
         stamped = [(number, [t_ns / _NS, *values[1:]]) for number, t_ns, values in rows]
-    return f"rosbag2, {connection.topic} ({kind})", stamped
+    return f"rosbag2, {name} ({kind})", stamped
 
 
 def _refuse_what_waits(bag: Path) -> None:
@@ -79,6 +85,31 @@ def _refuse_what_waits(bag: Path) -> None:
             raise TrajectoryError(f"{path}: {error.strerror}") from None
 
 
+def _refuse_unfinished(bag: Path) -> None:
+    """A recorder that was killed leaves no metadata, and an MCAP file without its end: ROS's and MCAP's own tools
+    mend both."""
+    if bag.is_dir() and not (bag / _METADATA).is_file():
+        file = _stored(bag)[0].name
+        raise TrajectoryError(
+            f"{bag}: no metadata.yaml: `ros2 bag reindex {bag}` makes it anew; or take one file of it, such as {file}"
+        )
+    for path in _stored(bag) if bag.is_dir() else [bag]:
+        if path.suffix == ".mcap":
+            with open_regular(path) as file:
+                size = file.seek(0, os.SEEK_END)
+                file.seek(max(0, size - len(_MAGIC)))
+                is_whole = file.read() == _MAGIC
+                file.seek(0)
+                if not is_whole and file.read(len(_MAGIC)) == _MAGIC:
+                    raise TrajectoryError(
+                        f"{path}: its end is missing, the recorder was stopped: `mcap recover` makes it whole"
+                    )
+
+
+def _stored(bag: Path) -> list[Path]:
+    return sorted(path for path in bag.iterdir() if path.suffix in _STORAGES) if bag.is_dir() else []
+
+
 def _parted(path: Path) -> tuple[Path, str]:
     """The bag, and the topic asked for, if one was."""
     if path.exists():
@@ -87,9 +118,13 @@ def _parted(path: Path) -> tuple[Path, str]:
     return (Path(bag), f"/{topic.strip('/')}") if mark else (path, "")
 
 
-def _chosen(bag: Path, topic: str, connections: list[Any]) -> Any:
-    known = {one.topic: one for one in connections if one.msgtype in _TYPES}
-    listed = ", ".join(f"{name} ({_TYPES[one.msgtype]})" for name, one in sorted(known.items()))
+def _chosen(bag: Path, topic: str, connections: list[Any]) -> list[Any]:
+    """All connections of one topic: an MCAP file has one for each time that its publisher came anew."""
+    known: dict[str, list[Any]] = {}
+    for one in connections:
+        if one.msgtype in _TYPES:
+            known.setdefault(one.topic, []).append(one)
+    listed = ", ".join(f"{name} ({_TYPES[ones[0].msgtype]})" for name, ones in sorted(known.items()))
     kinds = ", ".join(_TYPES.values())
     if topic and topic not in known:
         raise TrajectoryError(f"{bag}: no topic {topic} with a trajectory; there are: {listed or 'none'}")
@@ -101,8 +136,8 @@ def _chosen(bag: Path, topic: str, connections: list[Any]) -> Any:
     return known[topic] if topic else next(iter(known.values()))
 
 
-def _rows(reader: Any, connection: Any) -> Iterator[tuple[int, int, list[float]]]:
-    for number, (_, t_ns, data) in enumerate(reader.messages(connections=[connection]), start=1):
+def _rows(reader: Any, chosen: list[Any]) -> Iterator[tuple[int, int, list[float]]]:
+    for number, (connection, t_ns, data) in enumerate(reader.messages(connections=chosen), start=1):
         if number > _MOST:
             raise ValueError(f"more than {_MOST} messages of {connection.topic}")
         message = reader.deserialize(data, connection.msgtype)

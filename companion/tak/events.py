@@ -19,7 +19,7 @@ import numpy.typing as npt
 from companion.tak.geodesy import Place
 
 UNKNOWN_M: Final = 9999999.0
-DRONE, UNKNOWN_GROUND, ELLIPSE, SENSOR = "a-f-A-M-H-Q", "a-u-G", "u-d-c-c", "b-m-p-s-p-loc"
+DRONE, UNKNOWN_GROUND, ELLIPSE, SENSOR = "a-f-A-M-H-Q", "a-u-G", "u-d-c-e", "b-m-p-s-p-loc"
 GPS, FUSED = "m-g", "m-f"
 _95: Final = math.sqrt(5.991464547107979)
 """Semi-axes of the ellipse that holds 95 %, in deviations: chi-squared with two degrees of freedom."""

@@ -14,12 +14,14 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
 
-from companion.core.messages import pose_of
+from companion.core.messages import VehicleState, pose_of
 from companion.core.streams import BEARING, LOG, POSE_IN, SETPOINT, TARGET, TRANSFORMS, VEHICLE
 from companion.log import foxglove
 from companion.log.lines import LogLine
 from companion.log.reader import LoggedMessage, open_session
+from companion.log.ros2 import Ros2Exporter
 from companion.log.ros2_messages import Messages, _ellipsoid, _times
 from companion.log.writer import LogWriter
 from companion.pose.trajectory_file import read_trajectory_file
@@ -59,6 +61,44 @@ def test_two_readers_find_every_message_of_a_flight(companion: Run, tmp_path: Pa
         assert types["/bearing/marker"] == "visualization_msgs/msg/MarkerArray"
         for connection, _, data in reader.messages():
             reader.deserialize(data, connection.msgtype)
+
+
+def of_two_robots(folder: Path) -> Path:
+    """A bag of one transform of each."""
+    moved = foxglove.transforms(5, VehicleState(t_mono_ns=0, p_local_enu_m=(1.0, 2.0, 3.0), yaw_enu_rad=0.5))
+    assert moved is not None
+    exporter = Ros2Exporter(folder)
+    for t_ns, robot in ((5, ""), (9, "rover/")):
+        data = moved.SerializeToString()
+        logged = LoggedMessage(topic=TRANSFORMS.topic, log_time_ns=t_ns, data=data, publish_time_ns=5)
+        exporter.take(robot, TRANSFORMS.topic, logged)
+    (bag,) = exporter.finish()
+    return bag
+
+
+def test_the_oldest_rosbag2_that_knows_mcap_can_open_it(tmp_path: Path) -> None:
+    """Humble and Iron read the quality of service as one string, newer ones too where the version is below 9; an empty
+    one not all of them."""
+    bag = of_two_robots(tmp_path)
+    told = YAML(typ="safe").load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert (told["version"], told["storage_identifier"], told["compression_mode"]) == (8, "mcap", "")
+    assert told["relative_file_paths"] == ["rosbag2.mcap"] == [file["path"] for file in told["files"]]
+    (topic,) = told["topics_with_message_count"]
+    assert told["message_count"] == topic["message_count"] == 2
+    assert told["starting_time"]["nanoseconds_since_epoch"] == 5
+    assert told["duration"]["nanoseconds"] in (4, 5)
+    with (bag / "rosbag2.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (channel,) = summary.channels.values()
+    for text in (topic["topic_metadata"]["offered_qos_profiles"], channel.metadata["offered_qos_profiles"]):
+        (profile,) = YAML(typ="safe").load(text)
+        assert isinstance(text, str) and (profile["reliability"], profile["durability"]) == (1, 2)
+
+
+def test_robots_of_a_merged_log_share_one_tree_of_frames(tmp_path: Path) -> None:
+    turns = by_topic(of_two_robots(tmp_path))["/tf"]
+    assert [one.transforms[0].child_frame_id for one in turns] == ["body", "rover/body"]
 
 
 def test_poses_are_those_of_the_log(companion: Run, tmp_path: Path) -> None:

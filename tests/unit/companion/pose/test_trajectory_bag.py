@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 
 from companion.analysis.imported import analyze_session
 from companion.log.reader import open_session
 from companion.pose.trajectory_bag import read_bag
 from companion.pose.trajectory_columns import TrajectoryError
 from companion.pose.trajectory_file import read_trajectory_file
-from tests.bags import Stamped, write_bag
+from tests.bags import STORE, Stamped, message, write_bag
 from tests.faults.campaigns import FULL
 from tests.log_commands import Run
 from tests.synthetic_run import RunFolder
@@ -45,10 +46,42 @@ def test_one_file_of_a_bag_and_one_topic_of_several(tmp_path: Path) -> None:
     (file,) = bag.glob("*.mcap")
     assert len(read_trajectory_file(Path(f"{file}#/b/odom")).t_s) == 20
     assert len(read_trajectory_file(Path(f"{bag}#a")).t_s) == 40
+    (stored,) = write_bag(tmp_path / "sql", {"/a": ("PoseStamped", ROWS)}, mcap=False).glob("*.db3")
+    assert len(read_trajectory_file(stored).t_s) == 40
     with pytest.raises(TrajectoryError, match=r"2 topics .* choose one as .*#TOPIC: /a \(PoseStamped\), /b/odom"):
         read_trajectory_file(bag)
     with pytest.raises(TrajectoryError, match=r"no topic /c .* there are: /a"):
         read_trajectory_file(Path(f"{bag}#/c"))
+
+
+def test_a_topic_whose_publisher_came_anew_is_read_whole(tmp_path: Path) -> None:
+    kind = "geometry_msgs/msg/PoseStamped"
+    with (tmp_path / "twice.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2", library="test")
+        definition, _ = STORE.generate_msgdef(kind, ros_version=2)
+        schema = writer.register_schema(kind, "ros2msg", definition.encode())
+        channels = [writer.register_channel("/a", "cdr", schema, metadata={"publisher": name}) for name in "12"]
+        for n, (t_ns, row) in enumerate(ROWS):
+            data = bytes(STORE.serialize_cdr(message("PoseStamped", t_ns, row), kind))
+            writer.add_message(channels[n // 20], t_ns, data, t_ns)
+        writer.finish()
+    assert len(read_trajectory_file(tmp_path / "twice.mcap").t_s) == len(ROWS)
+
+
+def test_what_a_killed_recorder_leaves_is_told_with_what_mends_it(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", {"/a": ("PoseStamped", ROWS)})
+    (file,) = bag.glob("*.mcap")
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-100])
+    for path in (file, bag):
+        with pytest.raises(TrajectoryError, match=r"bag\.mcap: its end is missing.* `mcap recover`"):
+            read_trajectory_file(path)
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(TrajectoryError, match=r"no metadata\.yaml: `ros2 bag reindex .*or take one file.* bag\.mcap"):
+        read_trajectory_file(bag)
+    file.write_bytes(whole)
+    assert len(read_trajectory_file(file).t_s) == len(ROWS)
 
 
 def test_without_stamps_the_bags_own_times_count(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def test_a_direction_is_a_wedge_from_where_it_was_taken() -> None:
 def test_a_target_that_is_known_takes_the_wedges_place() -> None:
     seen = ("/bearing", 95 * S, iteration(peer=PEER))
     own, marker, ellipse = told(seen, ("/target", 95 * S, target()))
-    assert (own.kind, marker.kind, ellipse.kind) == ("a-f-A-M-H-Q", "a-u-G", "u-d-c-c")
+    assert (own.kind, marker.kind, ellipse.kind) == ("a-f-A-M-H-Q", "a-u-G", "u-d-c-e")
     east_m = (marker.point["lon"] - 8.5) * 111_320 * math.cos(math.radians(47.4))
     assert (east_m, (marker.point["lat"] - 47.4) * 111_180) == pytest.approx((10.0, 20.0), abs=0.1)
     assert marker.point["ce"] == pytest.approx(math.sqrt(2.5), abs=0.01) and marker.point["le"] == 1.5
