@@ -7,6 +7,7 @@ for what is not known), from when to when. Angles in details are compass degrees
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -23,6 +24,8 @@ DRONE, UNKNOWN_GROUND, ELLIPSE, SENSOR = "a-f-A-M-H-Q", "a-u-G", "u-d-c-e", "b-m
 GPS, FUSED = "m-g", "m-f"
 _95: Final = math.sqrt(5.991464547107979)
 """Semi-axes of the ellipse that holds 95 %, in deviations: chi-squared with two degrees of freedom."""
+_NO_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that no XML document may hold: one of them in a name would cost whoever reads it all events."""
 _RED: Final = "-65536"
 _NO_FILL: Final = "0"
 
@@ -90,6 +93,9 @@ def xml(event: CotEvent, now: datetime) -> bytes:
         ElementTree.SubElement(detail, name, dict(attributes)).text = text or None
     if event.ellipse is not None:
         _add_ellipse(detail, event.ellipse)
+    for element in root.iter():
+        element.attrib.update({name: _NO_XML.sub("?", value) for name, value in element.attrib.items()})
+        element.text = element.text and _NO_XML.sub("?", " ".join(element.text.splitlines()))
     document: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return document.replace(b"\n", b"")
 

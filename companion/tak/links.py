@@ -20,6 +20,9 @@ _FIRST_WAIT_S: Final = 1.0
 _LONGEST_WAIT_S: Final = 60.0
 _WAITING_BYTES: Final = 1 << 16
 _CHUNK: Final = 1 << 16
+_UNHEARD_MS: Final = 10_000
+"""What a server has not taken for so long ends the connection: else the kernel keeps megabytes of events, half an hour
+of them, and sends these first when the network is back."""
 
 
 class CotLink(Protocol):
@@ -35,13 +38,14 @@ class CotLink(Protocol):
 
 
 class UdpLink:
-    """To a multicast group, by `interface`'s address where there is one, or to one host."""
+    """To a multicast group, by `interface`'s address where there is one, to one host, or to all of a network."""
 
     def __init__(self, address: str, port: int, ttl: int, interface: str | None) -> None:
         self._to = address, port
         self.sent = self.dropped = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, ttl)
         if interface is not None:
             try:
@@ -103,6 +107,8 @@ class TlsLink:
         """Until the server ends the connection; what it says is read, so that it can go on, and thrown away."""
         async with asyncio.timeout(_CONNECT_S):
             reader, writer = await asyncio.open_connection(*self._to, ssl=self._context, server_hostname=self._to[0])
+        tcp: socket.socket = writer.get_extra_info("socket")
+        tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNHEARD_MS)
         self._writer = writer
         try:
             while await reader.read(_CHUNK):

@@ -124,6 +124,7 @@ class Picture:
     def _remarks(self, state: Data) -> str:
         mission = self._newest.get("/mission")
         flying = "in the air" if state["in_air"] else "on the ground"
+        flying = "not known whether in the air" if state.get("landed_unknown") else flying
         told = mission[1].get("state", "") if mission is not None else ""
         return f"{flying}, {str(told).replace('_', ' ')}" if told else flying
 
@@ -136,7 +137,9 @@ class Picture:
         range_m, std_m = target["range_m"], target["range_std_m"]
         if std_m is None or std_m > _KNOWN_SHARE * range_m or target["probability"] < _LIKELY:
             return []
-        covariance = np.array(target["covariance_m2"])
+        covariance = np.array(target["covariance_m2"], float)
+        if not np.all(np.isfinite(covariance[:2, :2])):
+            return []
         place = beside(here, _minus(report["p_local_enu_m"], local_m))
         ellipse = ellipse_95(covariance)
         name = self._name()

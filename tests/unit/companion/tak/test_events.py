@@ -43,6 +43,14 @@ def test_a_name_of_any_letters_stays_one_name() -> None:
     assert got.uid == said == got.of("contact")["callsign"]
 
 
+@pytest.mark.parametrize("letter", ["\x07", "\x00", "\ud800", "\uffff"])
+def test_a_letter_that_xml_has_not_costs_itself_alone(letter: str) -> None:
+    said = f"a{letter}b"
+    details = [("contact", {"callsign": said}, ""), ("remarks", {}, f"{said}\nmore")]
+    got = read_cot(xml(CotEvent(uid=said, kind=DRONE, how=GPS, place=PLACE, stale_s=1.0, details=details), NOW))
+    assert (got.uid, got.of("contact")["callsign"], got.detail.findtext("remarks")) == ("a?b", "a?b", "a?b more")
+
+
 def test_an_ellipse_holds_95_percent_and_points_where_the_error_is() -> None:
     rng = np.random.default_rng(1)
     along = math.radians(30.0)  # from North, clockwise

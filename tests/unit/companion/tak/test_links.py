@@ -51,6 +51,13 @@ async def test_what_the_network_does_not_take_is_counted() -> None:
     assert link._socket.fileno() == -1
 
 
+def test_all_of_a_network_can_be_told() -> None:
+    link = UdpLink("127.255.255.255", 6969, 1, None)
+    link.send([b"<event/>"])
+    assert (link.sent, link.dropped) == (1, 0)
+    link._socket.close()
+
+
 def test_an_interface_that_is_none_of_ours_is_told() -> None:
     with pytest.raises(ConfigError, match=r"tak\.interface: 192\.0\.2\.7"):
         UdpLink(GROUP, 6969, 1, "192.0.2.7")
@@ -124,6 +131,10 @@ async def test_tls_with_certificates_of_both_ends_and_again_after_the_server_was
     assert link.dropped == 1
     running = asyncio.create_task(link.run())
     await until_received(link, server, b"<event/>")
+    assert link._writer is not None
+    tcp = link._writer.get_extra_info("socket")
+    # Of a network that is gone the kernel would keep events for half an hour, and send the oldest first.
+    assert tcp.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 10_000
     await server.aclose()
     await asyncio.sleep(0.2)
     again = TakServer(certificates)

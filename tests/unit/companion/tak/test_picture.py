@@ -55,6 +55,14 @@ def test_our_own_place_comes_with_its_errors() -> None:
     assert own.detail.findtext("remarks") == "in the air, approaching"
 
 
+def test_a_vehicle_that_does_not_say_whether_it_flies_is_not_said_to_stand() -> None:
+    picture = Picture(TELLING)
+    picture.take("introduction", 0, known())
+    picture.take("/vehicle", 100 * S, vehicle(gps=GPS, in_air=False, landed_unknown=True))
+    (own,) = (read_cot(xml(event, NOW)) for event in picture.events())
+    assert own.detail.findtext("remarks") == "not known whether in the air"
+
+
 def test_a_direction_is_a_wedge_from_where_it_was_taken() -> None:
     seen = iteration(azimuth_rad=math.radians(-60.0), peer=PEER, p_local_enu_m=[1.0, -8.0, 1.5])
     _, wedge = told(("/bearing", 95 * S, seen))
@@ -76,6 +84,12 @@ def test_a_target_that_is_known_takes_the_wedges_place() -> None:
     assert marker.point == ellipse.point and ellipse.uid == f"{marker.uid}.ellipse"
 
 
+def test_a_height_that_is_not_known_leaves_the_place_on_the_map() -> None:
+    flat = target()["target"] | {"covariance_m2": [[4.0, 0.0, None], [0.0, 1.0, None], [None, None, None]]}
+    _, marker, _ = told(("/target", 95 * S, target(target=flat)))
+    assert marker.point["le"] == 9999999 and marker.point["ce"] == pytest.approx(math.sqrt(2.5), abs=0.01)
+
+
 @pytest.mark.parametrize(
     "vague",
     [
@@ -83,6 +97,7 @@ def test_a_target_that_is_known_takes_the_wedges_place() -> None:
         target(peer=PEER + 1),
         target(target={**target()["target"], "probability": 0.3}),
         target(target={**target()["target"], "range_std_m": None}),
+        target(target={**target()["target"], "covariance_m2": [[None] * 3] * 3}),
     ],
 )
 def test_a_target_that_is_hardly_known_stays_a_direction(vague: dict[str, Any]) -> None:
