@@ -76,7 +76,10 @@ def _unit(config: Config, unit: str, root: Path) -> Iterator[Check]:
     found = f"as the configuration needs them{asked}" if fits else "of another configuration"
     yield Check("unit's permissions", fits, found, "" if fits else _CONFIGURE)
     enabled = (root / _UNITS / "multi-user.target.wants" / unit).is_symlink()
-    yield Check("at boot", True, "is started" if enabled else f"is not started: systemctl enable {unit}")
+    if enabled:
+        yield Check("at boot", True, "is started")
+    else:
+        yield Check("at boot", None, "is not started", f"systemctl enable {unit}")
 
 
 def _running(unit: str, root: Path) -> Check:

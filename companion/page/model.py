@@ -10,10 +10,11 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from companion.flight.records import SERVICE_ENDS
 from companion.mission.table import AT_REST
 from companion.page import parts
 from companion.page.health import HealthLook, Item, as_rows, health_list
-from companion.page.next_step import next_step
+from companion.page.next_step import ENDED, next_step
 
 _TRAIL: Final = 1500
 _TRAIL_STEP_M: Final = 0.1
@@ -201,10 +202,12 @@ class Model:
         self.health = data
 
     def _take_mission(self, t_ns: int, data: Data) -> None:
-        if data["next_state"] != self._state:
+        # The table takes an end of the service for a fault, since nobody acts any more; a person has stopped it.
+        state = ENDED if data["reason"] == SERVICE_ENDS else data["next_state"]
+        if state != self._state:
             self._state_ns = t_ns
-        self._state, self._reason = data["next_state"], data["reason"]
-        self._tell(t_ns, "mission", f"{data['state']} to {data['next_state']}: {data['reason'] or data['event']}")
+        self._state, self._reason = state, data["reason"]
+        self._tell(t_ns, "mission", f"{data['state']} to {state}: {data['reason'] or data['event']}")
 
     def _take_bearing(self, t_ns: int, data: Data) -> None:
         if self._aimed_at not in (None, str(data["peer"])):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+ENDED: Final = "ended"
+"""The service was stopped, or has ended with an error that its log names."""
 _LEFT_IN: Final = {"hold": "is left in hold", "land": "lands", "return": "flies home"}
 
 
@@ -36,6 +38,8 @@ def next_step(state: str, control: str, mission: Mapping[str, Any], missing: int
             return "The autopilot brings it down; keep clear."
         case "fault":
             return "A part of the service died: the vehicle is yours. Restart the service before you engage again."
+        case "ended":
+            return "The service has ended and left the vehicle to its autopilot; it starts again idle."
     return "No word from the service yet."
 
 

@@ -44,7 +44,7 @@ def test_units_of_this_version_and_configuration_are_right(config: Config, tmp_p
     folder = _install(config, tmp_path)
     found = _checks(config, tmp_path)
     assert found["unit"].ok and found["unit's permissions"].ok
-    assert found["service"].ok is None and "systemctl enable companion.service" in found["at boot"].found
+    assert found["service"].ok is None and found["at boot"].remedy == "systemctl enable companion.service"
     (folder / "companion.service").write_text("[Service]\n")
     assert _checks(config, tmp_path)["unit"].found == "companion.service is of another version"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from companion.flight.records import SERVICE_ENDS
 from companion.page.model import Model
 from tests.page_messages import S, counts, health, iteration, known, target, vehicle
 
@@ -107,3 +108,11 @@ def test_another_target_is_shown_by_what_is_known_of_it() -> None:
     assert model.view()["bearing"]["number"] == 11
     model.take("status", 109 * S, {"state": "acquiring", "reason": "retarget", "target_id": 2})
     assert model.view()["target_name"] == "alpha" and model.view()["bearing"] is None
+
+
+def test_a_service_that_was_stopped_is_no_fault() -> None:
+    model = flown()
+    model.take("/mission", 106 * S, step("approaching", "fault", SERVICE_ENDS))
+    shown = model.view()["mission"]
+    assert shown["state"] == "ended" and "left the vehicle to its autopilot" in shown["next"]
+    assert model.view()["events"][-1]["text"] == "approaching to ended: the service ends"
