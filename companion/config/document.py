@@ -35,6 +35,8 @@ _REFUSED: Final = (
     (re.compile(r"\d{4}-\d\d?-\d\d?([Tt ].*)?"), "a date in YAML; quote it"),
 )  # fmt: skip
 """What of plain scalars means something else to YAML than it says."""
+_ODD: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff\ud800-\udfff]")
+_LINE_END: Final = re.compile("\r\n|\r|\n")
 
 
 def read_document(text: str, where: str) -> Any:
@@ -43,6 +45,10 @@ def read_document(text: str, where: str) -> Any:
     Raises ConfigError with a line of `where` and the line in it for everything that is wrong.
     """
     builder = _Builder()
+    odd = _ODD.search(text)
+    if odd is not None:
+        line = len(_LINE_END.findall(text, 0, odd.start())) + 1
+        raise ConfigError(f"{where}: line {line}: character U+{ord(odd[0]):04X}, {_told(odd[0])}; take it out")
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             builder.take(event)
@@ -184,6 +190,13 @@ class _Builder:
 
 def _at(mark: Any) -> str:
     return "" if mark is None else f"line {mark.line + 1}: "
+
+
+def _told(character: str) -> str:
+    """Where an editor shows no line's end, YAML's next line is none to a person: a comment would hide a key."""
+    if character in "\x85\u2028\u2029":
+        return "at which YAML begins a new line and an editor does not"
+    return "which no text holds (is this UTF-16?)" if character == "\0" else "which cannot be printed"
 
 
 def _plain(text: str) -> str:

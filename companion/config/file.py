@@ -20,6 +20,7 @@ from companion.errors import ConfigError
 from csi_bridge.regular_file import open_regular
 
 _LARGEST_BYTES: Final = 256 << 10
+_MOST_SHOWN: Final = 20
 
 
 def load_config(path: Path) -> Config:
@@ -63,7 +64,8 @@ def config_of(document: dict[str, Any], where: str) -> Config:
         errors = config_errors(config)
     if errors or config is None:
         count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
-        raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in errors))
+        shown = errors[:_MOST_SHOWN] + ["..."] * (len(errors) > _MOST_SHOWN)
+        raise ConfigError(f"{where}: {count}\n" + "\n".join(f"  {line}" for line in shown))
     assert isinstance(config, Config)
     return config
 

@@ -6,6 +6,7 @@ Each yields what is wrong in one line that names the key and what would be right
 from __future__ import annotations
 
 import math
+import os.path
 import re
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -15,7 +16,7 @@ from companion.config.places import lever_errors, path_errors
 from companion.config.schema import Config
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
-_URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:\d+)$")
+_URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:[1-9]\d{{2,7}})$")
 _IPV4: Final = re.compile(r"^(\d{1,3}\.){3}\d{1,3}$")
 _POSES_PER_DATAGRAM: Final = 25
 _MAX_LOST_S: Final = 4.0
@@ -55,12 +56,37 @@ def _peers(config: Config) -> Iterator[str]:
                 yield f"peers: {key} {value} stands twice; each peer has its own"
 
 
+def _names(config: Config) -> Iterator[str]:
+    """A name begins topics and names of files, and is printed."""
+    named = {"name": config.name} | {f"peers[{index}].name": peer.name for index, peer in enumerate(config.peers)}
+    for key, name in named.items():
+        if not name.isprintable() or "/" in name or not name.strip():
+            yield f"{key}: {name!r}; expected letters that can be printed, no /"
+
+
+def _macs(config: Config) -> Iterator[str]:
+    for index, peer in enumerate(config.peers):
+        first = int(peer.mac[:2], 16)
+        if first & 1 or not peer.mac.strip("0:"):
+            yield f"peers[{index}].mac: {peer.mac} is of no one card; expected the address that its packets come from"
+
+
+def _network(config: Config) -> Iterator[str]:
+    if config.neighbours.broadcast.startswith("0."):
+        yield (
+            f"neighbours.broadcast: {config.neighbours.broadcast} leaves no host; expected the broadcast address of "
+            "the robots' network, for example 192.168.1.255"
+        )
+
+
 def _keys(config: Config) -> Iterator[str]:
     of_peers = (key for peer in config.peers for key in (peer.key_file, peer.next_key_file) if key)
-    keys = [config.neighbours.key_file, *of_peers]
-    for key in sorted(set(keys)):
-        if keys.count(key) > 1:
-            yield f"key_file: {key} stands twice; each robot that sends has its own, or one could pass for another"
+    spelled: dict[str, list[str]] = {}
+    for key in (config.neighbours.key_file, *of_peers):
+        spelled.setdefault(os.path.normpath(config.path(key)), []).append(key)
+    for _, keys in sorted(spelled.items()):
+        if len(keys) > 1:
+            yield f"key_file: {keys[0]} stands twice; each robot that sends has its own, or one could pass for another"
 
 
 def _rates(config: Config) -> Iterator[str]:
@@ -165,6 +191,9 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _role,
     _pose,
     _peers,
+    _names,
+    _macs,
+    _network,
     _keys,
     _rates,
     _ids,

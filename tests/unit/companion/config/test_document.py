@@ -59,7 +59,12 @@ def test_field_cases_are_refused_with_file_and_key(path: Path) -> None:
         ("p: [1\n", "F: line 2: not valid YAML"),
         ("? [1, 2]\n: 3\n", "F: line 1: expected a word as the key"),
         ("a: 1\n---\nb: 2\n", "F: line 2: a second document begins"),
-        ("a: \0\n", "F: not valid YAML"),
+        ("a: \0\n", "F: line 1: character U+0000, which no text holds (is this UTF-16?)"),
+        (
+            "a: 1\n# b\u2028c: 2\n",
+            "F: line 2: character U+2028, at which YAML begins a new line and an editor does not",
+        ),
+        ("a: 1\r\n# b\x85c: 2\n", "F: line 2: character U+0085, at which YAML begins a new line"),
         ("\n".join(f"a: {i}" for i in range(1000)), "F: 999 errors"),
     ],
 )

@@ -106,3 +106,12 @@ def test_files_that_are_no_configuration(tmp_path: Path) -> None:
         path.write_text(text)
         assert expected in errors_of(path)
         assert str(path) in errors_of(path)
+
+
+def test_of_many_errors_the_first_are_shown(tmp_path: Path) -> None:
+    path = tmp_path / "many.yaml"
+    path.write_text("".join(f"k{n}: 1\n" for n in range(60)))
+    with pytest.raises(ConfigError) as told:
+        load_config(path)
+    lines = str(told.value).splitlines()
+    assert len(lines) == 22 and "66 errors" in lines[0] and lines[-1] == "  ..."
