@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import io
 import os
@@ -13,7 +14,7 @@ from typing import Final
 import click
 
 from companion import __version__
-from companion.errors import CompanionError
+from companion.errors import CompanionError, escaped
 
 _COMMANDS: Final = {
     "run": "the service: role uav or beacon, as its configuration says",
@@ -36,6 +37,7 @@ _COMMANDS: Final = {
     "report": "a flight log as one page",
 }
 _STDERR: Final = 2
+_OF_WRITING: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _MODULES: Final = {"engage": "control", "abort": "control", "check-axes": "check_axes"}
 
 
@@ -106,12 +108,14 @@ def _at_home(word: str) -> str:
 
 
 def _fail(text: str, code: int = 1) -> int:
-    click.echo(f"companion: {text}", err=True)
+    click.echo(f"companion: {escaped(text)}", err=True)
     return code
 
 
 def _name_of(error: OSError) -> str:
     name = error.filename2 or error.filename
+    if name is None and error.errno in _OF_WRITING:  # all other files are named where they are written
+        return "standard output: "
     return f"{os.fsdecode(name)}: " if isinstance(name, str | bytes) else ""
 
 

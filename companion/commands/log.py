@@ -16,7 +16,7 @@ from companion.commands.progress import tracked_bytes
 from companion.commands.recordings import chosen_runs, lever_option, macs_by_name, run_options
 from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
-from companion.errors import CompanionError
+from companion.errors import CompanionError, escaped
 from companion.log.info import LogInfo, inspect
 
 _file = click.Path(path_type=Path, readable=False)
@@ -168,7 +168,8 @@ def _show(one: LogInfo, console: Console) -> None:
         table.add_column(name, justify="right")
     for topic in one.topics:
         rate, size = f"{topic.rate_hz:.1f}", f"{topic.payload_bytes / 1e3:.1f}"
-        table.add_row(topic.topic, topic.encoding, topic.schema, str(topic.messages), rate, size)
+        told = (" ".join(escaped(text).split()) for text in (topic.topic, topic.encoding, topic.schema))
+        table.add_row(*told, str(topic.messages), rate, size)
     console.print(table)
 
 

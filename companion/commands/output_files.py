@@ -69,5 +69,9 @@ def writing(path: Path) -> Iterator[None]:
     """An OSError inside becomes a CompanionError that names the file it is of, or `path`."""
     try:
         yield
+    except FileExistsError as error:
+        raise CompanionError(
+            f"{error.filename or path}: is there and is no folder; expected one, or a new name"
+        ) from None
     except OSError as error:
         raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror or error}") from None

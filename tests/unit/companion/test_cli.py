@@ -288,7 +288,18 @@ def test_a_full_standard_output_is_told_in_one_line() -> None:
         )  # fmt: skip
     assert done.returncode == 1
     (told,) = done.stderr.strip().splitlines()
-    assert told.endswith("No space left on device")
+    assert told == "companion: standard output: No space left on device"
+
+
+def test_a_name_commands_no_terminal(call: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    code, err = call("log", "info", str(tmp_path / "a\x1b[31m\rb"))
+    assert code == 1 and "a\\x1b[31m\\x0db: cannot read the log" in err and "\x1b" not in err
+
+
+def test_a_folder_that_is_a_file_is_said_to_be(call: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    code, err = call("log", "export", str(GOLDEN[0]), "--out", str(tmp_path / "out"))
+    assert code == 1 and "out: is there and is no folder" in err
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
