@@ -14,7 +14,7 @@ from typing import Final
 import click
 
 from companion import __version__
-from companion.errors import CompanionError, escaped
+from companion.errors import CompanionError, ConfigError, escaped
 
 _COMMANDS: Final = {
     "run": "the service: role uav or beacon, as its configuration says",
@@ -81,6 +81,8 @@ def main() -> None:
 
 
 def _run() -> int:
+    if "" in sys.argv[1:]:  # as a path it would be the folder we are in
+        return _fail("an empty argument; expected a value: is a variable of the shell not set?", ConfigError.exit_code)
     try:
         program([_at_home(word) for word in sys.argv[1:]], standalone_mode=True)
     except SystemExit as end:

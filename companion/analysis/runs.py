@@ -38,6 +38,7 @@ KNOWN_TRANSMITTERS: Final[Mapping[str, str]] = MappingProxyType(
 """The radio cards of the WSR data sets."""
 TRUTH_NAME: Final = "groundtruth_positions.json"
 _MAX_TRUTH_BYTES: Final = 10_000_000
+_MOST_FOLDERS: Final = 20_000
 _EXPECTED_TRUTH: Final = "expected channel.value and true_tx_positions.value.NAME.position with x, y, z"
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.(?:dat|csi)")
 _TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
@@ -211,7 +212,8 @@ def _whole(value: object) -> int:
 
 
 def _folders(root: Path) -> Iterator[Path]:
-    """`root` and all below it, each real folder once however many links lead there: by its own name if it has one."""
+    """`root` and all below it, each real folder once however many links lead there: by its own name if it has one.
+    Raises RecordingError for so many that a link leads out of any data set."""
     waiting, seen = deque([root]), set[Path]()
     while waiting:
         for name, below, _ in os.walk(waiting.popleft()):  # which goes into no link but the one it is given
@@ -220,6 +222,8 @@ def _folders(root: Path) -> Iterator[Path]:
                 below.clear()
                 continue
             seen.add(folder.resolve())
+            if len(seen) > _MOST_FOLDERS:
+                raise RecordingError(f"{root}: more than {_MOST_FOLDERS} folders below; name that of the recordings")
             waiting += sorted(folder / link for link in below if (folder / link).is_symlink())
             yield folder
 

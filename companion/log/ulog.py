@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.errors import CompanionError
+from csi_bridge.foreign import foreign_format
 from csi_bridge.regular_file import open_regular
 
 PREFIX: Final = "/px4/"
@@ -26,6 +27,8 @@ _LEAST_MOVED_M: Final = 2.0
 """By less it cannot be told from standing still, at any other time."""
 _SHORTEST_S: Final = 1.0
 
+_MAGIC: Final = b"ULog"
+_FIRST_BYTES: Final = 4096
 _TIME: Final = "timestamp"
 _PADDING: Final = "_padding"
 _UNREADABLE: Final = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, EOFError, MemoryError)
@@ -77,6 +80,7 @@ class Ulog:
         from pyulog.exceptions import ULogException
 
         self.path = path
+        _refuse_other_files(path)
         try:
             # Given its name, it leaves a bad file open; and what it says of damage it prints.
             with _ForwardOnly(open_regular(path).detach()) as file, contextlib.redirect_stdout(io.StringIO()):
@@ -122,6 +126,18 @@ class Ulog:
         if len(kept) < 2:
             raise CompanionError(f"{self.path}: has no valid {_POSITION}; it cannot be paired by time")
         return t_s[kept], p_enu_m[kept]
+
+
+def _refuse_other_files(path: Path) -> None:
+    """Raises CompanionError that says what a file is which the parser would only find no header in."""
+    try:
+        with open_regular(path) as file:
+            start = file.read(_FIRST_BYTES)
+    except OSError as error:
+        raise CompanionError(f"{path}: {error.strerror}") from None
+    if not start.startswith(_MAGIC):
+        what = foreign_format(start) or ("another file" if start else "empty file")
+        raise CompanionError(f"{path}: not a .ulg file: {what}; expected PX4's own log")
 
 
 def _undamaged(t_s: Floats, p_m: Floats) -> npt.NDArray[np.intp]:

@@ -296,6 +296,13 @@ def test_a_name_commands_no_terminal(call: Callable[..., tuple[int, str]], tmp_p
     assert code == 1 and "a\\x1b[31m\\x0db: cannot read the log" in err and "\x1b" not in err
 
 
+@pytest.mark.parametrize("words", [("analyze", ""), ("log", "export", "x.mcap", "--out", ""), ("keygen", "", "a")])
+def test_an_empty_word_is_not_the_folder_we_are_in(
+    call: Callable[..., tuple[int, str]], words: tuple[str, ...]
+) -> None:
+    assert call(*words) == (2, "companion: an empty argument; expected a value: is a variable of the shell not set?\n")
+
+
 def test_a_folder_that_is_a_file_is_said_to_be(call: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     code, err = call("log", "export", str(GOLDEN[0]), "--out", str(tmp_path / "out"))

@@ -165,3 +165,13 @@ def test_what_is_wrong_in_a_truth_file_is_named(tmp_path: Path, old: str, new: s
     path.write_bytes(text.encode("utf-16"))
     with pytest.raises(RecordingError, match="not UTF-8"):
         read_truth(path)
+
+
+def test_a_link_out_of_the_data_set_costs_no_hours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.analysis.runs._MOST_FOLDERS", 10)
+    for name in range(20):
+        (tmp_path / "far" / str(name)).mkdir(parents=True)
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "link").symlink_to(tmp_path / "far")
+    with pytest.raises(RecordingError, match="set: more than 10 folders below; name that of the recordings"):
+        find_runs(tmp_path / "set")

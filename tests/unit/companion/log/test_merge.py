@@ -128,7 +128,7 @@ def test_merge_refuses_the_log_of_another_flight_and_says_what_it_needs(companio
     with pytest.raises(CompanionError, match="of the same recording"):
         merge(GOLDEN[0], (GOLDEN[0],), None, tmp_path / "out.mcap")
     (tmp_path / "no.ulg").write_bytes(b"nothing")
-    with pytest.raises(CompanionError, match=r"not a readable \.ulg"):
+    with pytest.raises(CompanionError, match=r"not a \.ulg file: another file|not a .ulg file: a text file"):
         merge(GOLDEN[0], (), tmp_path / "no.ulg", tmp_path / "out.mcap")
     code, _, err = companion("log", "merge", GOLDEN[0], "--out", tmp_path / "out.mcap")
     assert code == 2

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from companion.core.streams import VEHICLE
+from companion.errors import CompanionError
 from companion.log.reader import open_session
 from companion.log.ulog import Ulog, clock_offset_s
 from tests.golden.golden_logs import GOLDEN
@@ -102,3 +103,20 @@ def test_a_position_of_time_zero_costs_no_memory(tmp_path: Path) -> None:
     with_zero = np.concatenate([[0.0], wall_s]), np.concatenate([p_m[:1], p_m])
     offset_s, _ = clock_offset_s(tmp_path / "f.ulg", (t_s, p_m), with_zero)
     assert offset_s == pytest.approx(1.7e9, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"", "empty file"),
+        (b"\x1f\x8b\x08\x00" + bytes(50), "gzip: unpack it first"),
+        (b"\xa3\x95\x80\x80" + bytes(50), "a log of ArduPilot"),
+        (b"\x89MCAP0\r\n" + bytes(50), "an MCAP log"),
+        (b"\x01" * 90, "another file"),
+    ],
+)
+def test_what_is_no_log_of_px4_is_named(tmp_path: Path, content: bytes, named: str) -> None:
+    path = tmp_path / "log.ulg"
+    path.write_bytes(content)
+    with pytest.raises(CompanionError, match=rf"log\.ulg: not a \.ulg file: {named}.*; expected PX4's own log"):
+        Ulog(path)
