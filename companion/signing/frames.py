@@ -115,6 +115,12 @@ class FrameStream:
 
     def __init__(self) -> None:
         self._bytes = bytearray()
+        self.passed = 0
+        """Bytes that it is done with; what came after them may be the beginning of a frame, or noise that looks so."""
+
+    @property
+    def waits(self) -> bool:
+        return bool(self._bytes)
 
     def feed(self, data: bytes) -> list[bytes]:
         self._bytes += data
@@ -133,6 +139,7 @@ class FrameStream:
             else:
                 at += 1
         del held[:at]
+        self.passed += at
         return found
 
 

@@ -145,6 +145,8 @@ class SerialLine:
             raise AutopilotError(f"serial {device}: is no serial line: {error.args[-1]}") from None
         self._device = device
         self._stream = FrameStream()
+        self._waits_since_s = 0.0
+        """When what the stream waits to see the end of has come."""
         self._written = 0
         self._queued: deque[tuple[int, float]] = deque()
         """In the line's queue: the count of bytes with each frame's last, and when the frame arrived."""
@@ -162,7 +164,14 @@ class SerialLine:
             raise AutopilotError(f"serial {self._device}: {error.strerror}") from None
         if not data:
             raise AutopilotError(f"serial {self._device}: it is gone")
-        return [(frame, 0.0) for frame in self._stream.feed(data)]
+        now_s = time.monotonic()
+        if self._stream.waits and now_s - self._waits_since_s > OLDEST_S:
+            self._stream = FrameStream()  # noise that looked like a long frame: behind it others would grow old
+        passed, is_new = self._stream.passed, not self._stream.waits
+        found = self._stream.feed(data)
+        if is_new or self._stream.passed > passed:
+            self._waits_since_s = now_s
+        return [(frame, 0.0) for frame in found]
 
     def send(self, frame: bytes, arrived_s: float) -> bool:
         self.drop_old()
