@@ -156,9 +156,19 @@ def _tak(config: Config) -> Iterator[str]:
     if tak.transport == "udp" and not _IPV4.match(tak.address):
         yield f"tak.address: {tak.address!r}; transport udp needs an address such as 239.2.3.1"
     if tak.transport == "tls":
+        if not _is_host(tak.address):
+            yield f"tak.address: {tak.address!r}; transport tls needs the server's name, as its certificate has it"
         for key in ("ca_file", "cert_file", "key_file"):
             if getattr(tak, key) is None:
                 yield f"tak.{key}: missing; transport tls needs ca_file, cert_file and key_file (PEM)"
+
+
+def _is_host(name: str) -> bool:
+    """Whether it can be asked for at all."""
+    try:
+        return bool(name.strip() == name and name.encode("idna")) and "\0" not in name
+    except UnicodeError:
+        return False
 
 
 def _foxglove(config: Config) -> Iterator[str]:

@@ -35,6 +35,7 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         ),
         (changed("tak", enabled=True, address="tak.example.org"), "tak.address: 'tak.example.org'; transport udp"),
         (changed("tak", enabled=True, transport="tls", ca_file="a", cert_file="b"), "tak.key_file: missing"),
+        (changed("tak", enabled=True, transport="tls", address="tak..org"), "tak.address: 'tak..org'; transport tls"),
         (
             replace(changed("tak", enabled=True), autopilot=replace(AUTOPILOT, gps=False, forward_vio_hz=30.0)),
             "tak.enabled: needs a vehicle that knows where on Earth",
