@@ -23,6 +23,8 @@ class Viewer:
         self.info: dict[str, Any] = {}
         self.channels: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[tuple[int, bytes]]] = {}
+        self.times_ns: list[int] = []
+        """What the server says is now."""
         self._topics: dict[int, str] = {}
 
     async def listen(self) -> None:
@@ -36,6 +38,9 @@ class Viewer:
             elif message.type is WSMsgType.BINARY and message.data[0] == 1:
                 _, number, t_ns = _DATA.unpack_from(message.data)
                 self.messages.setdefault(self._topics[number], []).append((t_ns, message.data[_DATA.size :]))
+
+            elif message.type is WSMsgType.BINARY and message.data[0] == 2:
+                self.times_ns.append(int.from_bytes(message.data[1:9], "little"))
 
     async def subscribe(self, topics: Iterable[str]) -> None:
         asked = []

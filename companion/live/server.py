@@ -27,6 +27,8 @@ from companion.log.live import ANNOUNCEMENT, MESSAGE, Announced
 _DATAGRAM_BYTES: Final = 1 << 20
 _BACKLOG: Final = 1024
 """Messages for one viewer that is slow; the oldest go first."""
+TIME_NS: Final = 50_000_000
+"""Viewers are told the time of the log so often, while they are told anything."""
 EXTRA: Final = "foxglove.enabled: needs the library foxglove-sdk: pip install 'wsr-companion[foxglove]'"
 
 
@@ -51,6 +53,7 @@ class Live:
         self._subscribers: Counter[str] = Counter()
         self._context = foxglove.Context()
         self._channels: dict[int, Any] = {}
+        self._told_t_ns = 0
         live = self
 
         class Listener(foxglove.ServerListener):  # type: ignore[name-defined, misc]
@@ -64,7 +67,7 @@ class Live:
         try:
             self._server = foxglove.start_server(
                 name=settings.name, host=host, port=port, server_listener=Listener(), context=self._context,
-                message_backlog_size=_BACKLOG,
+                message_backlog_size=_BACKLOG, capabilities=[foxglove.websocket.Capability.Time],
             )  # fmt: skip
         except (RuntimeError, OSError) as error:
             raise CompanionError(f"port {port} at {host}: {error}") from None
@@ -90,12 +93,20 @@ class Live:
             channel = self._channels.get(number)
             if channel is not None:
                 channel.log(body, log_time=log_t_ns)
+                self._tell_time(log_t_ns)
             return
         told = msgspec.msgpack.decode(body, type=Announced)
         schema = self._foxglove.Schema(name=told.schema_name, encoding=told.schema_encoding, data=told.schema)
         self._channels[told.number] = self._foxglove.Channel(
             told.topic, schema=schema, message_encoding=told.encoding, context=self._context
         )
+
+    def _tell_time(self, log_t_ns: int) -> None:
+        """A viewer would else look frames up at its own clock's time, at which a robot that never met a time server has
+        none."""
+        if abs(log_t_ns - self._told_t_ns) >= TIME_NS:
+            self._told_t_ns = log_t_ns
+            self._server.broadcast_time(log_t_ns)
 
     def stop(self) -> None:
         self._server.stop()

@@ -130,6 +130,8 @@ async def test_a_viewer_receives_what_the_log_holds_in_the_logs_own_schemas() ->
         assert PROFILE.topic not in viewer.messages
         t_ns, _ = viewer.messages[VEHICLE.topic][-1]
         assert abs(t_ns - time.time_ns()) < 5e9
+        assert viewer.info["capabilities"] == ["time"], "frames are looked up at the robot's time, not the viewer's"
+        assert abs(viewer.times_ns[-1] - t_ns) < 1e9
 
 
 def _cpu_s(pid: int) -> float:
