@@ -38,7 +38,6 @@ Times = npt.NDArray[np.int64]
 PERIOD_NS: Final = 2 * NS_PER_S
 KEYFRAMES: Final = 30
 """A minute."""
-_SEEN_FIRST: Final = 1 << 20
 _TRIED_STEPS: Final = 4
 _VAGUER: Final = (5.0, 2.5)
 
@@ -75,7 +74,7 @@ class Team:
 
     def add_sighting(self, sighting: RawSighting) -> bool:
         """False for one that was here before, or says nothing: repeated, reordered or replayed it counts once."""
-        key = (sighting.observer, sighting.boot, sighting.number, sighting.target)
+        key = _key(sighting)
         known = sighting.observer in self._index and sighting.target in self._index
         if key in self._known or not known or sighting.observer == sighting.target or sighting.fresh <= 0.0:
             return False
@@ -113,8 +112,8 @@ class Team:
             self._first += 1
             start_ns = self._first * PERIOD_NS - PERIOD_NS // 2
             self._raw = [sighting for sighting in self._raw if sighting.t_ns >= start_ns]
-        if len(self._known) > _SEEN_FIRST:
-            self._known = {(s.observer, s.boot, s.number, s.target) for s in self._raw}
+            # Numbers come round, after nine hours of two bearings a second: only those of the window are the same one.
+            self._known = {_key(sighting) for sighting in self._raw}
         for track in self._tracks.values():
             track.forget_before((self._first - 1) * PERIOD_NS)
 
@@ -243,6 +242,10 @@ class Team:
             members=tuple(members),
             sightings=len(problem.sightings),
         )
+
+
+def _key(sighting: RawSighting) -> tuple[int, int, int, int]:
+    return sighting.observer, sighting.boot, sighting.number, sighting.target
 
 
 def _deviations(sighting: RawSighting) -> tuple[float, float, float]:

@@ -88,6 +88,15 @@ def test_a_bearing_that_comes_again_changes_nothing() -> None:
         np.testing.assert_allclose(ours.p_own_m, theirs.p_own_m, atol=1e-2)
 
 
+def test_a_number_that_has_come_round_is_another_bearing() -> None:
+    """After 65536 of them, nine hours: else nothing more would be taken of a robot that stays on."""
+    team = Team(1, (2, 3))
+    standing(team, 4.0, [SEEN])
+    for seconds in (3, 50, 80):
+        team.update(BASE_NS + seconds * NS_PER_S)
+    assert team.add_sighting(SEEN._replace(t_ns=BASE_NS + 80 * NS_PER_S))
+
+
 def test_bearings_of_strangers_of_oneself_and_without_news_are_not_taken() -> None:
     team = Team(1, (2, 3))
     assert team.add_sighting(SEEN)
