@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from typing import Final, NamedTuple
 
@@ -21,6 +22,9 @@ _SPEED_M_S: Final = 1.0
 """How fast a robot may have gone while nothing was heard of it; 1 σ."""
 _ELSEWHERE_M: Final = 20.0
 """After a restart its frame has another origin: it may be anywhere."""
+_JUMP_M: Final = 0.5
+_FASTEST_M_S: Final = 5.0
+"""A step that is longer than both say is none: its poses have found themselves again somewhere else."""
 
 
 class Steps(NamedTuple):
@@ -35,7 +39,7 @@ class Steps(NamedTuple):
 
 class _Places(NamedTuple):
     p_m: Array
-    boot: Times
+    frame: Times
     gap_s: Array
     """In time from the nearest known place, 0 where the path is known."""
     length_m: Array
@@ -43,27 +47,35 @@ class _Places(NamedTuple):
 
 
 class Track:
-    """Places in the order of time; one that comes late or too soon after another is passed over."""
+    """Places in the order of time; one that comes late or too soon after another is passed over. After another boot, or
+    a step that nothing can make, they are of another frame."""
 
     def __init__(self) -> None:
         self._t_ns: list[int] = []
         self._p_m: list[Vector3] = []
-        self._boot: list[int] = []
+        self._frame: list[int] = []
+        self._boot = 0
         self._arrays: tuple[Times, Array, Times, Array] | None = None
 
     def add(self, t_ns: int, p_m: Vector3, boot: int) -> None:
-        if self._t_ns and t_ns - self._t_ns[-1] < _APART_NS:
-            return
+        frame = 0
+        if self._t_ns:
+            elapsed_ns = t_ns - self._t_ns[-1]
+            if elapsed_ns < _APART_NS:
+                return
+            is_jump = math.dist(p_m, self._p_m[-1]) > max(_JUMP_M, _FASTEST_M_S * elapsed_ns * 1e-9)
+            frame = self._frame[-1] + (is_jump or boot != self._boot)
+        self._boot = boot
         self._t_ns.append(t_ns)
         self._p_m.append(p_m)
-        self._boot.append(boot)
+        self._frame.append(frame)
         self._arrays = None
 
     def forget_before(self, t_ns: int) -> None:
         """All but the last place before `t_ns`."""
         count = max(0, bisect_right(self._t_ns, t_ns) - 1)
         if count:
-            del self._t_ns[:count], self._p_m[:count], self._boot[:count]
+            del self._t_ns[:count], self._p_m[:count], self._frame[:count]
             self._arrays = None
 
     @property
@@ -84,7 +96,7 @@ class Track:
             nothing = np.zeros(len(from_ns))
             return Steps(np.zeros((len(from_ns), 3)), _SPEED_M_S * elapsed_s, nothing, nothing > 0)
         start, end = self._at(from_ns), self._at(to_ns)
-        is_new = start.boot != end.boot
+        is_new = start.frame != end.frame
         moved_m = np.where(is_new[:, None], 0.0, end.p_m - start.p_m)
         unknown_m = _SPEED_M_S * np.minimum(start.gap_s + end.gap_s, elapsed_s)
         length_m = np.where(is_new, 0.0, np.abs(end.length_m - start.length_m))
@@ -92,10 +104,10 @@ class Track:
 
     def _stacked(self) -> tuple[Times, Array, Times, Array]:
         if self._arrays is None:
-            p_m, boot = np.array(self._p_m).reshape(-1, 3), np.array(self._boot, np.uint64).astype(np.int64)
-            legs_m = np.where(boot[1:] == boot[:-1], np.linalg.norm(np.diff(p_m, axis=0), axis=1), 0.0)
+            p_m, frame = np.array(self._p_m).reshape(-1, 3), np.array(self._frame, np.int64)
+            legs_m = np.where(frame[1:] == frame[:-1], np.linalg.norm(np.diff(p_m, axis=0), axis=1), 0.0)
             length_m = np.concatenate([[0.0], np.cumsum(legs_m)])
-            self._arrays = np.array(self._t_ns, np.int64), p_m, boot, length_m
+            self._arrays = np.array(self._t_ns, np.int64), p_m, frame, length_m
         return self._arrays
 
     def _after(self, t_ns: Times) -> npt.NDArray[np.intp]:
@@ -103,12 +115,12 @@ class Track:
 
     def _at(self, t_ns: Times) -> _Places:
         """Between two places of one frame, straight; elsewhere as at the nearest."""
-        times, p_m, boot, length_m = self._stacked()
+        times, p_m, frame, length_m = self._stacked()
         after = self._after(t_ns)
         before = np.maximum(after - 1, 0)
         span_ns = np.maximum(times[after] - times[before], 1)
         share = np.clip((t_ns - times[before]) / span_ns, 0.0, 1.0)
-        joined = boot[after] == boot[before]
+        joined = frame[after] == frame[before]
         share = np.where(joined, share, np.rint(share))
         nearest_ns = np.minimum(np.abs(t_ns - times[before]), np.abs(t_ns - times[after]))
         inside = joined & (t_ns >= times[before]) & (t_ns <= times[after]) & (span_ns <= _JOINED_NS)
@@ -116,7 +128,7 @@ class Track:
         place_m = np.where(joined[:, None], place_m, p_m[np.where(share > 0, after, before)])
         return _Places(
             place_m,
-            np.where(share > 0, boot[after], boot[before]),
+            np.where(share > 0, frame[after], frame[before]),
             np.where(inside, 0.0, nearest_ns * 1e-9),
             length_m[before] + share * (length_m[after] - length_m[before]),
         )

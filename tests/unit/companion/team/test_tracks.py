@@ -55,6 +55,15 @@ def test_after_a_restart_its_frame_is_another_one() -> None:
     assert steps.unknown_m[0] == 20.0
 
 
+def test_after_a_jump_of_its_poses_its_frame_is_another_one() -> None:
+    """Else a tracker that found itself again three metres off would have gone there, for sure to a tenth of a metre."""
+    track = walked((0.0, 0.0, 1), (0.2, 0.1, 1), (0.4, 3.1, 1), (0.6, 3.2, 1), (5.0, 20.0, 1))
+    steps = track.steps(at(0.0, 0.0, 0.4, 0.6), at(0.2, 0.6, 0.6, 5.0))
+    assert steps.is_new_frame.tolist() == [False, True, False, False]
+    np.testing.assert_allclose(steps.moved_m[:, 0], [0.1, 0.0, 0.1, 16.8])
+    assert steps.unknown_m[1] == 20.0
+
+
 def test_old_places_go_and_the_last_before_stays() -> None:
     track = walked(*((0.2 * k, 0.1 * k, 1) for k in range(50)))
     track.forget_before(round(4.1 * NS_PER_S))
