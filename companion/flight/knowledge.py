@@ -30,8 +30,9 @@ _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
 _GRANTED: Final = 2.0
 """Apertures' worth of path after a hold: the first may still lack what was missing before."""
-_FOUND: Final = 0.5
-"""Bearings that say little each, but agree on a source of this probability, steer too."""
+_FOUND: Final = 0.15
+"""Bearings that say little each, but agree on a source of this probability, steer too: where images are loud no source
+has more for long, and nothing is learnt by standing still."""
 
 
 class Knowledge:

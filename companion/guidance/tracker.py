@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
-from companion.guidance.likelihood import likelihood
+from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
+from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.records import Bearing
@@ -32,9 +33,14 @@ _PARTICLES: Final = 1500
 _RESAMPLE_BELOW: Final = 0.8
 _BORN: Final = 0.02
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
+_NEWBORN: Final = 0.3
+"""How likely they are, of the average particle."""
+_ANYWHERE: Final = 0.2
+"""Of the first particles: in any direction, since what is seen first may be an image."""
 _REACH_M: Final = (0.5, 40.0)
 """Targets are looked for within: radio does not reach much farther indoors."""
-_SPREAD_RAD: Final = math.radians(10.0)
+_SPREAD_RAD: Final = math.radians(7.0)
+_TWIN_RAD: Final = math.radians(0.4)
 _DRIFT: Final = 0.03
 """Of the way both robots have gone: by so much their poses part from the truth."""
 _DRIFT_ALIKE_M: Final = 5.0
@@ -42,8 +48,6 @@ _DRIFT_ALIKE_M: Final = 5.0
 _WALK_M_SQRT_S: Final = 0.02
 _HEADING_STD_RAD: Final = math.radians(7.0)
 """By how much the bearings of one flight are turned together: the tracker's North is known no better."""
-_ELEVATION_STD_RAD: Final = math.radians(12.0)
-"""By how much floor and ceiling, which mirror the target above and below itself, pull all bearings of one place."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
 _CROSSING: Final = 0.6
@@ -76,6 +80,8 @@ class TargetTracker:
         self._heading_rad = np.zeros(0)
         self._elevation_rad = np.zeros(0)
         self._log_weight = np.zeros(0)
+        self._share = np.zeros((0, 0))
+        """(K, N) probability of each kind of room, if the target is at a particle."""
         self._lines = deque[tuple[_Floats, _Floats]](maxlen=_LINES)
         """Place and direction of the newest bearings."""
         self._loudness = Loudness()
@@ -94,11 +100,14 @@ class TargetTracker:
             self._loudness = Loudness()
             self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
             self._told = np.zeros(_PARTICLES)
-            self._origins_m = self._drawn(bearing, _PARTICLES)
-            self._heading_rad = self._rng.normal(0.0, _HEADING_STD_RAD, _PARTICLES)
-            self._elevation_rad = self._rng.normal(0.0, _ELEVATION_STD_RAD, _PARTICLES)
-            self._log_weight = -self._height_m(self._origins_m, bearing, ground_m).clip(0.0) / _HEIGHT_M
-            self._keep_possible(bearing, ground_m)
+            self._origins_m = np.zeros((_PARTICLES, 3))
+            self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, _PARTICLES))
+            self._share = np.zeros((len(REGIMES), _PARTICLES))
+            density = self._draw(bearing, np.arange(_PARTICLES), _ANYWHERE)
+            self._share = prior_share(self._elevation_rad)
+            unlikely = self._height_m(self._origins_m, bearing, ground_m).clip(0.0) / _HEIGHT_M
+            self._log_weight = _normalised(-unlikely - np.log(density))
+            self._weigh(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
             self._weigh(bearing, ground_m)
@@ -110,6 +119,10 @@ class TargetTracker:
         self._resample()
         self._target = self._found()
         return self._target
+
+    def rooms(self) -> _Floats:
+        """(K,) probability of each of the kinds of room."""
+        return np.asarray(self._share @ np.exp(self._log_weight))
 
     def shift(self, delta_enu_m: Vector3) -> None:
         """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
@@ -202,39 +215,59 @@ class TargetTracker:
         )
         return np.flatnonzero(inside)
 
-    def _drawn(self, bearing: Bearing, count: int) -> _Floats:
-        """Origins (count, 3) where a bearing and the other paths of its aperture point, at all ranges."""
+    def _draw(self, bearing: Bearing, which: npt.NDArray[np.intp], anywhere: float) -> _Floats:
+        """Draws the particles `which` (M,) anew: where a bearing and the other paths of its aperture point, and by
+        chance elsewhere, at all ranges. Returns their density (M,) [1 / sr]."""
+        count = len(which)
         paths = [(bearing.azimuth_rad, bearing.polar_rad, 1.0)]
         paths += [(p.azimuth_rad, p.polar_rad, 0.5 * min(1.0, p.relative_power)) for p in bearing.others]
-        shares = np.array([share for _, _, share in paths])
-        which = self._rng.choice(len(paths), count, p=shares / shares.sum())
-        azimuth, polar = (np.array([path[k] for path in paths])[which] for k in (0, 1))
-        azimuth = azimuth + self._rng.normal(0.0, _SPREAD_RAD, count)
-        polar = polar + self._rng.normal(0.0, _SPREAD_RAD, count)
+        at, down, share = (np.array([path[k] for path in paths])[:, None] for k in (0, 1, 2))
+        share = (1.0 - anywhere) * share / share.sum()
+        chosen = self._rng.choice(len(paths) + 1, count, p=[*share[:, 0], anywhere])
+        lost, chosen = chosen == len(paths), np.minimum(chosen, len(paths) - 1)
+        azimuth = at[chosen, 0] + self._rng.normal(0.0, _SPREAD_RAD, count)
+        polar = np.abs(down[chosen, 0] + self._rng.normal(0.0, _SPREAD_RAD, count))
+        upright = np.arccos(self._rng.uniform(-1.0, 1.0, count))
+        azimuth = np.where(lost, self._rng.uniform(-math.pi, math.pi, count), azimuth)
+        polar = np.where(lost | math.isinf(bearing.polar_std_rad), upright, polar)
+        off = np.remainder(azimuth - at + math.pi, math.tau) - math.pi
+        near = share * np.exp(-0.5 * (off / _SPREAD_RAD) ** 2) / (_SPREAD_RAD * math.sqrt(math.tau))
         if math.isinf(bearing.polar_std_rad):
-            polar = np.arccos(self._rng.uniform(-1.0, 1.0, count))
+            near = near / 2.0
+        else:
+            near = near * np.exp(-0.5 * ((polar - down) / _SPREAD_RAD) ** 2) / (_SPREAD_RAD * math.sqrt(math.tau))
+            near = near / np.maximum(np.sin(polar), 0.1)
+        # As bearings show the place, turned by what all of them are off.
+        self._heading_rad[which] = heading = self._rng.normal(0.0, _HEADING_STD_RAD, count)
+        self._elevation_rad[which] = elevation = drawn_elevation(self._rng, count)
+        azimuth, polar = azimuth - heading, np.clip(polar - elevation, 0.0, math.pi)
+        units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+        range_m = self._ranges_m(_place(bearing), units)
+        self._origins_m[which] = _place(bearing) + range_m[:, None] * units
+        return np.asarray(near.sum(axis=0) + anywhere / (4.0 * math.pi))
+
+    def _ranges_m(self, place_m: _Floats, units: _Floats) -> _Floats:
+        """(M,) along directions (M, 3)."""
+        count = len(units)
         low, high = (math.log(reach) for reach in _REACH_M)
         evenly = self._rng.uniform(size=count) < _SPREAD_EVENLY
         range_m = np.where(evenly, self._rng.uniform(*_REACH_M, count), np.exp(self._rng.uniform(low, high, count)))
-        units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
-        range_m = np.where(self._rng.uniform(size=count) < _CROSSING, self._crossed_m(_place(bearing), units), range_m)
-        return np.asarray(_place(bearing) + range_m[:, None] * units)
+        crossed_m = self._crossed_m(place_m, units, range_m)
+        return np.where(self._rng.uniform(size=count) < _CROSSING, crossed_m, range_m)
 
-    def _crossed_m(self, place_m: _Floats, units: _Floats) -> _Floats:
-        """(N,) ranges from a place along directions (N, 3) to where each passes one of the bearings before; NaN-free:
-        where the two are nearly parallel, at any range."""
-        count = len(units)
-        anywhere = np.exp(self._rng.uniform(math.log(_REACH_M[0]), math.log(_REACH_M[1]), count))
+    def _crossed_m(self, place_m: _Floats, units: _Floats, otherwise_m: _Floats) -> _Floats:
+        """(N,) ranges from a place along directions (N, 3) to where each passes one of the bearings before; where the
+        two are nearly parallel, `otherwise_m` (N,)."""
         if not self._lines:
-            return anywhere
-        which = self._rng.integers(len(self._lines), size=count)
+            return otherwise_m
+        which = self._rng.integers(len(self._lines), size=len(units))
         from_m, along = (np.array([line[k] for line in self._lines])[which] for k in (0, 1))
         apart_m = place_m - from_m
         cosine, own, other = ((a * b).sum(axis=1) for a, b in ((units, along), (units, apart_m), (along, apart_m)))
         range_m = (cosine * other - own) / np.maximum(1.0 - cosine**2, 1e-9)
-        range_m *= np.exp(self._rng.normal(0.0, _CROSSED_STD, count))
+        range_m *= np.exp(self._rng.normal(0.0, _CROSSED_STD, len(units)))
         crosses = (np.abs(cosine) < math.cos(_SPREAD_RAD)) & (range_m > _REACH_M[0]) & (range_m < _REACH_M[1])
-        return np.where(crosses, range_m, anywhere)
+        return np.where(crosses, range_m, otherwise_m)
 
     def _wander(self, before: Bearing, bearing: Bearing) -> None:
         elapsed_s = max(0.0, bearing.t_mono_ns - before.t_mono_ns) / 1e9
@@ -245,16 +278,30 @@ class TargetTracker:
 
     def _weigh(self, bearing: Bearing, ground_m: float) -> None:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
-        turned_m = _turned(self._origins_m - _place(bearing), self._heading_rad, self._elevation_rad)
-        self._log_weight = self._log_weight + bearing.fresh * np.log(likelihood(bearing, turned_m))
+        offsets_m = self._origins_m - _place(bearing)
+        flat_m = np.hypot(offsets_m[:, 0], offsets_m[:, 1])
+        azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + self._heading_rad
+        polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + self._elevation_rad, 0.0, math.pi)
+        again = elsewhere(bearing, np.array([along for _, along in self._lines]))
+        found = likelihoods(bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), again)
+        self._share = changed(self._share, bearing.fresh)
+        self._multiply(of_bearing(self._share, np.exp(self._log_weight), found, bearing.fresh))
         self._keep_possible(bearing, ground_m)
 
     def _listen(self, bearing: Bearing) -> None:
-        """What all powers say of a particle, in the place of what fewer said."""
+        """What all powers say of a particle, in the place of what fewer said. Of the kind of room they say nothing."""
         self._loudness.add(_place(bearing), bearing.power_dbm, bearing.fresh)
         told = self._loudness.evidence(self._origins_m)
-        self._log_weight = _normalised(self._log_weight + told - self._told)
+        self._multiply(of_power(self._share, np.exp(self._log_weight), told - self._told))
+        self._log_weight = _normalised(self._log_weight)
         self._told = told
+
+    def _multiply(self, factor: _Floats) -> None:
+        """By a likelihood (K, N) of each kind of room and each particle."""
+        joint = self._share * factor
+        total = joint.sum(axis=0)
+        self._share = joint / total
+        self._log_weight = self._log_weight + np.log(total)
 
     def _height_m(self, origins_m: _Floats, bearing: Bearing, ground_m: float) -> _Floats:
         """(N,) of targets above the ground; 0 where that is not known."""
@@ -274,9 +321,10 @@ class TargetTracker:
         """The lightest particles die for new ones."""
         count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
         lightest = np.argpartition(self._log_weight, count)[:count]
-        self._origins_m[lightest] = self._drawn(bearing, count)
+        self._draw(bearing, lightest, 0.0)
         unlikely = self._height_m(self._origins_m[lightest], bearing, ground_m).clip(0.0) / _HEIGHT_M
-        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(0.1) - unlikely
+        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(_NEWBORN) - unlikely
+        self._share[:, lightest] = self.rooms()[:, None]
         # As good as the others are on the average, until the next power is heard.
         self._told[lightest] = np.exp(self._log_weight) @ self._told
         self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
@@ -295,7 +343,8 @@ class TargetTracker:
         range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
         self._origins_m = here_m + offsets_m + self._rng.normal(0.0, 0.01, offsets_m.shape) * range_m
         self._heading_rad = self._kept_to(self._heading_rad[chosen], _HEADING_STD_RAD)
-        self._elevation_rad = self._kept_to(self._elevation_rad[chosen], _ELEVATION_STD_RAD)
+        self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, _PARTICLES)
+        self._share = self._share[:, chosen]
         self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
 
     def _kept_to(self, angle_rad: _Floats, std_rad: float) -> _Floats:
@@ -310,16 +359,6 @@ class TargetTracker:
 def _place(bearing: Bearing) -> _Floats:
     """Where a bearing was taken (3,), relative to the target's motion: from here it points to the common origin."""
     return np.asarray(np.subtract(bearing.p_local_enu_m, bearing.target_p_enu_m))
-
-
-def _turned(offsets_m: _Floats, heading_rad: _Floats, elevation_rad: _Floats) -> _Floats:
-    """Offsets (N, 3) as bearings show them: turned about the vertical, and down."""
-    flat_m = np.hypot(offsets_m[:, 0], offsets_m[:, 1])
-    azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + heading_rad
-    range_m = np.hypot(flat_m, offsets_m[:, 2])
-    polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + elevation_rad, 0.0, math.pi)
-    flat_m = range_m * np.sin(polar)
-    return np.stack([flat_m * np.cos(azimuth), flat_m * np.sin(azimuth), range_m * np.cos(polar)], axis=1)
 
 
 def _normalised(log_weight: _Floats) -> _Floats:

@@ -100,7 +100,6 @@ class SarIterations:
         due = now_ns - self._looked_ns >= self._config.period_s * NS_PER_S
         if self._begun_ns is None or self._pending or not due:
             return
-        self._looked_ns = now_ns
         end_ns = now_ns - round(self._config.settle_s * NS_PER_S)
         begun_ns = max(self._begun_ns, end_ns - round(_LONGEST_S * NS_PER_S))
         start_ns = self._window.start_of_path(begun_ns, end_ns, self._config.length_m)
@@ -109,6 +108,7 @@ class SarIterations:
         if start_ns is None and begun_ns > self._begun_ns:
             self._begun_ns = start_ns = begun_ns
         if start_ns is not None:
+            self._looked_ns = now_ns
             self._cut(start_ns, end_ns)
 
     def _cut(self, start_ns: int, end_ns: int) -> None:
