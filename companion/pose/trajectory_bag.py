@@ -89,9 +89,9 @@ def _refuse_unfinished(bag: Path) -> None:
     """A recorder that was killed leaves no metadata, and an MCAP file without its end: ROS's and MCAP's own tools
     mend both."""
     if bag.is_dir() and not (bag / _METADATA).is_file():
-        file = _stored(bag)[0].name
+        part = _stored(bag)[0].name
         raise TrajectoryError(
-            f"{bag}: no metadata.yaml: `ros2 bag reindex {bag}` makes it anew; or take one file of it, such as {file}"
+            f"{bag}: no metadata.yaml: `ros2 bag reindex {bag}` makes it anew; or take one file of it, such as {part}"
         )
     for path in _stored(bag) if bag.is_dir() else [bag]:
         if path.suffix == ".mcap":

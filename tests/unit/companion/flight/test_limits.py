@@ -23,10 +23,10 @@ def test_every_limit_of_the_gate_is_the_configurations() -> None:
 
 def test_conditions_take_what_their_names_say() -> None:
     mission = replace(_CONFIG.mission, min_battery=0.31, limit_s=321.0, hold_limit_s=12.5, leave="land")
-    aperture = replace(_CONFIG.aperture, silent_s=2.25, blind_legs=1.5)
+    aperture = replace(_CONFIG.aperture, silent_s=2.25, blind_legs=4)
     limits = condition_limits(
         replace(_CONFIG, mission=mission, aperture=aperture, pose=replace(_CONFIG.pose, stale_s=0.125))
     )
     assert (limits.min_battery, limits.approach_s, limits.hold_s) == (0.31, 321.0, 12.5)
-    assert (limits.silent_s, limits.blind_legs, limits.pose_stale_s) == (2.25, 1.5, 0.125)
+    assert (limits.silent_s, limits.blind_legs, limits.pose_stale_s) == (2.25, 4, 0.125)
     assert limits.leave_modes == {FlightMode.LAND}

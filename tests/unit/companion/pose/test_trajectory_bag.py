@@ -65,7 +65,7 @@ def test_a_topic_whose_publisher_came_anew_is_read_whole(tmp_path: Path) -> None
         for n, (t_ns, row) in enumerate(ROWS):
             data = bytes(STORE.serialize_cdr(message("PoseStamped", t_ns, row), kind))
             writer.add_message(channels[n // 20], t_ns, data, t_ns)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     assert len(read_trajectory_file(tmp_path / "twice.mcap").t_s) == len(ROWS)
 
 
