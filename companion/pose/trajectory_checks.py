@@ -23,6 +23,7 @@ _STEADY_S: Final = 2.0
 _MAX_FAST: Final = 0.1
 """Share of the path: a tracker that lost itself may jump now and then, another unit is fast everywhere."""
 _SPEED_OVER_S: Final = 0.5
+_PATH_STEP_S: Final = 0.02
 _MAX_STAMP_S: Final = 1e10
 _UNITS: Final = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"), (0.0, "another unit"))
 _MAX_INTERVAL_S: Final = 1.0
@@ -95,10 +96,14 @@ def check_speed(path: str, lines: Lines, t_s: Array, p_m: Array) -> None:
     steps_s = np.diff(t_s)
     if not len(steps_s):
         return
-    apart = min(len(steps_s), max(1, int(np.ceil(_SPEED_OVER_S / max(float(np.median(steps_s)), 1e-6)))))
+    usual_s = max(float(np.median(steps_s)), 1e-6)
+    apart = min(len(steps_s), max(1, int(np.ceil(_SPEED_OVER_S / usual_s))))
     over_s = t_s[apart:] - t_s[:-apart]
-    # Along the path: what goes in circles in another unit of time comes back to where it was.
-    way_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p_m, axis=0), axis=1))])
+    # Along the path: what goes in circles in another unit of time comes back to where it was. By coarse steps, since
+    # noise of each position goes a way too.
+    nodes = np.unique([*range(0, len(t_s), max(1, int(_PATH_STEP_S / usual_s))), len(t_s) - 1])
+    nodes_m = np.cumsum(np.linalg.norm(np.diff(p_m[nodes], axis=0, prepend=p_m[:1]), axis=1))
+    way_m = np.interp(np.arange(len(t_s)), nodes, nodes_m)
     speed_m_s = (way_m[apart:] - way_m[:-apart]) / np.maximum(over_s, 1e-9)
     limits_m_s = (_MAX_SPEED_M_S, _MAX_STEADY_M_S) if t_s[-1] - t_s[0] > _STEADY_S else (_MAX_SPEED_M_S,)
     for most_m_s in limits_m_s:

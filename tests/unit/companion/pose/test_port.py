@@ -157,7 +157,7 @@ async def _natnet(folder: Path) -> AsyncIterator[Driven]:
 @contextlib.asynccontextmanager
 async def _recorded(folder: Path, line: Callable[[float, Vector3], str], name: str) -> AsyncIterator[Driven]:
     path, got = folder / name, list[Pose]()
-    path.write_text("# t and pose\n" + "".join(line(_wait_s(i), p) for i, p in enumerate(_WAY)))
+    path.write_text("# t and pose\n" + "".join(line(_wait_s(2 * i), p) for i, p in enumerate(_WAY)))
     yield Driven(FilePoses(path, _CLOCK, got.append), lambda index, p: None, got)
 
 

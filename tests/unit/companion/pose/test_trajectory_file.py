@@ -246,8 +246,15 @@ def test_what_goes_in_circles_in_minutes_is_too_fast_all_the_same(tmp_path: Path
     path = tmp_path / "circle.csv"
     rows = [(n / 20 / 60, np.cos(n / 20), np.sin(n / 20)) for n in range(1200)]
     path.write_text("t,x,y,z\n" + "".join(f"{t:.7f},{x:.6f},{y:.6f},0\n" for t, x, y in rows))
-    with pytest.raises(TrajectoryError, match=r"60(\.0\d*)? m/s after line|59.99 m/s after line"):
+    with pytest.raises(TrajectoryError, match=r"5\d(\.\d*)? m/s after line"):
         read_trajectory_file(path)
+
+
+def test_noise_of_a_fast_camera_is_no_speed(tmp_path: Path) -> None:
+    rng, path = np.random.default_rng(1), tmp_path / "noisy.csv"
+    rows = [(n / 200, *rng.normal((0.4 * n / 200, 0.0, 0.0), 0.04)) for n in range(1000)]
+    path.write_text("t,x,y,z\n" + "".join(f"{t:.4f},{x:.4f},{y:.4f},{z:.4f}\n" for t, x, y, z in rows))
+    assert len(read_trajectory_file(path).t_s) == 1000
 
 
 def test_zero_bytes_at_the_end_are_passed_over(tmp_path: Path) -> None:
