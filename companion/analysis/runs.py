@@ -95,7 +95,7 @@ def printable(text: str) -> str:
 
 def find_runs(root: Path) -> list[Run]:
     """Every run in `root` and in the folders below it, linked ones too, by folder and time stamp. Raises RecordingError
-    for none."""
+    for none, and where two logs would be one end's."""
     try:
         if not root.is_dir():
             raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
@@ -233,7 +233,9 @@ def _runs_of(folder: Path) -> list[Run]:
     for path in sorted([*folder.glob("csi_*.dat"), *folder.glob("csi_*.csi")]):
         match = _CSI_NAME.fullmatch(path.name)
         if match:
-            files.setdefault(match[2], {})[match[1]] = path
+            there = files.setdefault(match[2], {}).setdefault(match[1], path)
+            if there != path:
+                raise RecordingError(f"{there} and {path.name}: which is the run's? Move one of them away")
     runs = []
     for stamp, ends in sorted(files.items()):
         fitting = _trajectories(folder, stamp, files.keys() - {stamp})

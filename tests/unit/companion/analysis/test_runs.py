@@ -175,3 +175,12 @@ def test_a_link_out_of_the_data_set_costs_no_hours(tmp_path: Path, monkeypatch: 
     (tmp_path / "set" / "link").symlink_to(tmp_path / "far")
     with pytest.raises(RecordingError, match="set: more than 10 folders below; name that of the recordings"):
         find_runs(tmp_path / "set")
+
+
+def test_two_logs_of_one_end_are_named(tmp_path: Path) -> None:
+    for name in ("csi_rx_2026-01-02_030405.dat", "csi_rx_2026-01-02_030405.csi"):
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(
+        RecordingError, match=r"csi_rx_.*\.csi and csi_rx_.*\.dat: which is the run's\?|\.dat and .*\.csi:"
+    ):
+        find_runs(tmp_path)
