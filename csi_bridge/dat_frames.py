@@ -92,7 +92,7 @@ def sound_frames(path: Path, data: Content) -> Frames:
     if frames.records == 0 and frames.mpdu <= frames.malformed + frames.unknown:
         what = foreign_format(data[:4096])
         seen = f"{f'{what}; ' if what else ''}{frames.records} CSI records in {len(data)} bytes"
-        raise DatFileError(f"{path}: not a CSI log ({seen}); expected one of the Intel 5300's CSI tool")
+        raise DatFileError(f"{path}: not a CSI log ({seen}); expected one of the Intel 5300's CSI tool or of FeitCSI")
     return frames
 
 

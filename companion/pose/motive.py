@@ -34,6 +34,9 @@ def motive_rows(path: str, rows: Sequence[Row]) -> tuple[list[tuple[int, list[fl
     if metres is None or about.get("rotation type") != "quaternion":
         given = f"Rotation Type {about.get('rotation type')}, Length Units {about.get('length units')}"
         raise _error(path, f"{given}; {_EXPECTED} and Length Units Meters, Centimeters or Millimeters")
+    space = about.get("coordinate space", "global")
+    if space != "global":
+        raise _error(path, f"Coordinate Space {space}, which says nothing of where the body is; expected Global")
     at, columns = _columns(path, rows)
     found, unseen = [], 0
     for number, fields in rows[at:]:

@@ -127,6 +127,7 @@ def test_a_motive_export_of_one_body(tmp_path: Path, unit: str, scale: int) -> N
         (("Quaternion", "XYZ"), "Rotation Type xyz"),
         (("robot,robot", "robot,other"), "2 rigid bodies"),
         ((unit, "Inches"), "Length Units inches"),
+        (("Space,Global", "Space,Local"), "Coordinate Space local"),
     ):
         bad = tmp_path / "bad.csv"
         bad.write_text(path.read_text().replace(*change, 1))
