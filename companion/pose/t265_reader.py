@@ -96,7 +96,8 @@ def raw_pose(frame: Any, t_mono_ns: int, session: int) -> wire.RawPose:
 
 
 class Reader:
-    """Sends one datagram for each frame until stopped. Nobody listening is no error: the service may start later."""
+    """Sends one datagram for each frame until stopped. Nobody listening is no error: the service may start later; a
+    socket that may not be written to, or is none, is one."""
 
     def __init__(self, path: str, session: int) -> None:
         self._path = path
@@ -110,7 +111,7 @@ class Reader:
         self.stopped = False
 
     def run(self, queue: Any) -> None:
-        """Raises ReaderError when frames stop."""
+        """Raises ReaderError when frames stop, or cannot be handed on."""
         newest_ns = time.monotonic_ns()
         while not self.stopped:
             try:
@@ -142,6 +143,8 @@ class Reader:
             self.sent += 1
         except (BlockingIOError, ConnectionRefusedError, FileNotFoundError):
             self.lost += 1
+        except OSError as error:
+            raise ReaderError(f"{self._path}: poses cannot be sent there: {error.strerror or error}") from None
 
 
 def _forbid_jumps(rs: Any, sensor: Any) -> None:

@@ -22,7 +22,7 @@ import pytest
 
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
-from companion.pose.t265_reader import DeviceClock
+from companion.pose.t265_reader import DeviceClock, Reader, ReaderError
 from tests.paths import ROOT
 
 _ROOT = ROOT
@@ -190,3 +190,24 @@ def test_a_time_that_is_none_ends_nothing(device_ms: float) -> None:
             )
         )
     assert abs(stamp_ns - 5_015 * _MS) <= 15 * _MS
+
+
+@pytest.mark.parametrize("name", ["file", "file/below", "n" * 300])
+def test_a_socket_that_is_none_ends_the_reader_with_a_line(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("")
+    reader = Reader(str(tmp_path / name), 1)
+    pose = wire.RawPose(
+        t_mono_ns=1,
+        position_m=(0.0, 0.0, 0.0),
+        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        velocity_m_s=(0.0, 0.0, 0.0),
+        confidence=3,
+        frame=wire.PoseFrame.T265,
+        session=1,
+    )
+    if name == "file":  # the kernel says of a file what it says of a socket that nobody reads
+        reader._send(pose)
+        assert reader.lost == 1
+        return
+    with pytest.raises(ReaderError, match="poses cannot be sent there"):
+        reader._send(pose)
