@@ -11,7 +11,8 @@ from companion.errors import ConfigError
 from csi_bridge.regular_file import open_regular
 
 KEY_BYTES: Final = 32
-_HEX: Final = re.compile(rb"[0-9a-fA-F]{64}\s*")
+_HEX: Final = re.compile(rb"([0-9a-fA-F]{64})(\s+-)?\s*")
+"""Also with the dash that `sha256sum` writes behind its digits."""
 
 
 def read_signing_key(path: Path) -> bytes:
@@ -25,8 +26,8 @@ def read_signing_key(path: Path) -> bytes:
         raise ConfigError(f"{path}: cannot read the signing key: {error.strerror}") from None
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ConfigError(f"{path}: the signing key must be readable by its owner only: chmod 600 {path}")
-    if _HEX.fullmatch(data):
-        return bytes.fromhex(data.decode())
+    if digits := _HEX.fullmatch(data):
+        return bytes.fromhex(digits[1].decode())
     if len(data) != KEY_BYTES:
         raise ConfigError(f"{path}: {len(data)} bytes of signing key; expected 32, or 64 hexadecimal digits")
     return data

@@ -312,6 +312,7 @@ def test_stamps_that_step_back_are_left_out_if_few_and_refused_if_many(tmp_path:
         (b't,x,y,z\n"' + b"a" * 140_000 + b'",1,2,3\n', "line 2 is no row of a table"),
         (b"t;x;y;z\n0,5;1;2;3\n", "t is '0,5'; expected a decimal point"),
         (b"0,5;1,0;2,0;3,0\n", "line 1 has decimal commas"),
+        (b"\x28\xb5\x2f\xfd\x00abc", "zstd"),
         (b"PK\x03\x04abc", "zip archive"),
         ("t,x,y,z\n1,2,3,4\n".encode("utf-16"), "UTF-16 text; save it as UTF-8"),
         (b"t,x,y,z\n1,2,3,\xff\n", "not a text file"),

@@ -23,6 +23,8 @@ def test_the_key_is_32_bytes_or_their_digits_and_for_its_owner_alone(tmp_path: P
     assert read_signing_key(path) == KEY
     path.write_text(KEY.hex() + "\n")
     assert read_signing_key(path) == KEY
+    path.write_text(KEY.hex() + "  -\n")  # as sha256sum writes it
+    assert read_signing_key(path) == KEY
     path.write_bytes(KEY[:31])
     with pytest.raises(ConfigError, match="31 bytes of signing key; expected 32, or 64 hexadecimal digits"):
         read_signing_key(path)
