@@ -9,9 +9,10 @@ from companion.sensing.records import Iteration
 
 
 def sighting_of(iteration: Iteration) -> Sighting | None:
-    """None where nothing was measured, or nothing new."""
+    """None where nothing was measured, or nothing new. What is as wide as all around says nothing, and a deviation that
+    the datagram's row cannot hold would have the whole datagram refused."""
     estimate = iteration.estimate
-    if estimate is None or not estimate.azimuth_observable or not math.isfinite(estimate.azimuth_std_rad):
+    if estimate is None or not estimate.azimuth_observable or not estimate.azimuth_std_rad < math.pi:
         return None
     return Sighting(
         target=iteration.peer,

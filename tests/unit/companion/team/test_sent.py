@@ -50,7 +50,10 @@ def test_an_angle_that_was_not_observed_is_not_told() -> None:
     assert flat is not None and math.isinf(flat.polar_std_rad)
 
 
-@pytest.mark.parametrize("estimate", [None, replace(ESTIMATE, azimuth_observable=False)])
+@pytest.mark.parametrize(
+    "estimate",
+    [None, replace(ESTIMATE, azimuth_observable=False), replace(ESTIMATE, azimuth_std_rad=7.0)],
+)
 def test_where_nothing_was_measured_nothing_goes_out(estimate: AoaEstimate | None) -> None:
     assert sighting_of(replace(ITERATION, estimate=estimate)) is None
 
