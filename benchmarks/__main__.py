@@ -156,7 +156,7 @@ def _print_idle(cost: IdleCost) -> None:
         f"idle, {cost.csi_per_s:.0f} packets and {cost.poses_per_s:.0f} poses/s: {cost.memory_mb:.0f} MB and "
         f"{100 * cost.share:.1f} % of a core without the worker ({each}); ready after {cost.start_s:.1f} s "
         f"({cost.start_processor_s:.1f} of the processor), stopped after {cost.stop_s:.2f} s, its log "
-        f"{'whole' if cost.log_is_whole else 'CUT OFF'}"
+        f"{'whole' if cost.log_is_whole else 'CUT OFF'}; an empty wake costs {cost.empty_wake_us:.0f} us here"
     )
 
 

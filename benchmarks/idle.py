@@ -4,6 +4,9 @@ Card, camera and autopilot are simulated, the other robot is real. Memory is cou
 nothing twice: what is anonymous of each process, and of each file (a library, the interpreter) the largest part that
 one of the processes holds. The kernel's own proportional size would divide the libraries among all that run here, the
 simulated hardware and the other robot too, which no vehicle has.
+
+A service that waits is woken some hundred times a second, and what that costs is the machine's: where others run in
+between, caches are theirs each time. So the time of an empty wake is measured beside it.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import asyncio
 import os
 import signal
 import socket
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -32,6 +36,14 @@ _SEED: Final = 5
 _READY_S: Final = 120.0
 """A first start compiles the AOA kernel."""
 _SETTLED_S: Final = 3.0
+_SENDER: Final = """
+import socket, time
+out, due = socket.socket(fileno=0), time.monotonic()
+while True:
+    due += 1 / 350
+    time.sleep(max(0.0, due - time.monotonic()))
+    out.send(bytes(200))
+"""
 _NAMES: Final = {"companion run": "service", "companion.sensing.worker": "worker", "companion.page.server": "page"}
 
 
@@ -61,6 +73,8 @@ class IdleCost:
     """From SIGTERM until the process has ended."""
     log_is_whole: bool
     """Index and footer are there."""
+    empty_wake_us: float
+    """Processor time of an event loop that takes a datagram and does nothing, 350 times a second; just before."""
 
 
 def idle_cost(seconds: float = 20.0) -> IdleCost:
@@ -69,6 +83,7 @@ def idle_cost(seconds: float = 20.0) -> IdleCost:
 
 
 async def _measure(seconds: float) -> IdleCost:
+    empty_wake_us = await _empty_wake_us()
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         directory = Path(name)
         stage = _with_page(set_stage(directory, directory, _SEED, use_netlink=False))
@@ -109,7 +124,33 @@ async def _measure(seconds: float) -> IdleCost:
         start_processor_s=start_processor_s,
         stop_s=stop_s,
         log_is_whole=wholes == [True, True],
+        empty_wake_us=empty_wake_us,
     )
+
+
+async def _empty_wake_us(seconds: float = 5.0) -> float:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    ours.setblocking(False)
+    count, loop = 0, asyncio.get_running_loop()
+
+    def take() -> None:
+        nonlocal count
+        ours.recv(256)
+        count += 1
+
+    sender = await asyncio.create_subprocess_exec(sys.executable, "-c", _SENDER, stdin=theirs.fileno())
+    theirs.close()
+    loop.add_reader(ours, take)
+    try:
+        await asyncio.sleep(1.0)  # it has begun
+        first, used_s = count, time.process_time()
+        await asyncio.sleep(seconds)
+        return 1e6 * (time.process_time() - used_s) / (count - first)
+    finally:
+        loop.remove_reader(ours)
+        sender.kill()
+        await sender.wait()
+        ours.close()
 
 
 def _wholes(directory: Path) -> Iterator[bool]:
