@@ -205,9 +205,10 @@ def test_a_socket_that_is_none_ends_the_reader_with_a_line(tmp_path: Path, name:
         frame=wire.PoseFrame.T265,
         session=1,
     )
-    if name == "file":  # the kernel says of a file what it says of a socket that nobody reads
-        reader._send(pose)
-        assert reader.lost == 1
-        return
-    with pytest.raises(ReaderError, match="poses cannot be sent there"):
-        reader._send(pose)
+    with reader._socket:
+        if name == "file":  # the kernel says of a file what it says of a socket that nobody reads
+            reader._send(pose)
+            assert reader.lost == 1
+            return
+        with pytest.raises(ReaderError, match="poses cannot be sent there"):
+            reader._send(pose)
