@@ -89,10 +89,9 @@ def _refuse_unfinished(bag: Path) -> None:
     """A recorder that was killed leaves no metadata, and an MCAP file without its end: ROS's and MCAP's own tools
     mend both."""
     if bag.is_dir() and not (bag / _METADATA).is_file():
-        part = _stored(bag)[0].name
-        raise TrajectoryError(
-            f"{bag}: no metadata.yaml: `ros2 bag reindex {bag}` makes it anew; or take one file of it, such as {part}"
-        )
+        first = next(iter(_stored(bag)), None)
+        mended = "" if first is None else f"; or take one file of it, such as {first.name}"
+        raise TrajectoryError(f"{bag}: no metadata.yaml: `ros2 bag reindex {bag}` makes it anew{mended}")
     for path in _stored(bag) if bag.is_dir() else [bag]:
         if path.suffix == ".mcap":
             with open_regular(path) as file:
@@ -107,7 +106,10 @@ def _refuse_unfinished(bag: Path) -> None:
 
 
 def _stored(bag: Path) -> list[Path]:
-    return sorted(path for path in bag.iterdir() if path.suffix in _STORAGES) if bag.is_dir() else []
+    """The files of a folder that hold messages."""
+    if not bag.is_dir():
+        return []
+    return sorted(path for path in bag.iterdir() if path.suffix in _STORAGES and not path.is_dir())
 
 
 def _parted(path: Path) -> tuple[Path, str]:

@@ -82,6 +82,9 @@ def test_what_a_killed_recorder_leaves_is_told_with_what_mends_it(tmp_path: Path
         read_trajectory_file(bag)
     file.write_bytes(whole)
     assert len(read_trajectory_file(file).t_s) == len(ROWS)
+    (tmp_path / "folder.mcap" / "inner.mcap").mkdir(parents=True)
+    with pytest.raises(TrajectoryError, match=r"folder\.mcap: no metadata\.yaml"):
+        read_trajectory_file(tmp_path / "folder.mcap")
 
 
 def test_without_stamps_the_bags_own_times_count(tmp_path: Path) -> None:
