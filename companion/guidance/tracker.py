@@ -46,7 +46,7 @@ _DRIFT: Final = 0.03
 _DRIFT_ALIKE_M: Final = 5.0
 """Over so much of a way it is the same drift."""
 _WALK_M_SQRT_S: Final = 0.02
-_HEADING_STD_RAD: Final = math.radians(7.0)
+_HEADING_STD_RAD: Final = math.radians(9.0)
 """By how much the bearings of one flight are turned together: the tracker's North is known no better."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""

@@ -73,7 +73,7 @@ def test_a_flight_straight_at_the_target_is_near_only_when_it_is(seed: int) -> N
         found = tracker.add(bearing_to(target, place, 3.5 * leg, turned=(a, p)), 0.0)
         if math.dist(target, place) > 2.5:
             assert tracker.within(tuple(place), (0.0, 0.0, 0.0), 2.0) < 0.9, f"near at {14 - 0.85 * leg:.1f} m"
-        assert leg < 3 or abs(found.azimuth_rad) < math.radians(15)  # twice what North may be off
+        assert leg < 3 or abs(found.azimuth_rad) < math.radians(20)  # twice what North may be off
     for turn in range(8):  # around it: now it is near, and that is seen
         place = target + np.array([1.2 * math.cos(turn), 1.2 * math.sin(turn), 0.8])
         # From one level a robot on the ground, and elevations that are all off, look like one below it.
