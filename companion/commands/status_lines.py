@@ -35,6 +35,8 @@ def person_lines(status: Values) -> Iterator[tuple[str, str]]:
     yield from _vehicle(status["vehicle"])
     yield "bearing", _bearing(status["bearing"], status["bearing_stale"])
     yield "target", f"{status['target_name']}: {target_words(status['target'])}"
+    if status.get("camera") is not None:
+        yield "leads", _leads(status["camera"])
     for robot in status["robots"]:
         if robot["id"] != status["target_id"]:
             yield "other robot", f"{robot['name']} ({robot['id']}): {target_words(robot['place'])}"
@@ -53,6 +55,7 @@ def health_items(status: Values, free_mib: float | None) -> list[Item]:
         vehicle=None if vehicle is None or vehicle["heartbeat_age_s"] is None else _as_message(vehicle),
         packets_hz=0.0 if silent else None,
         free_mib=free_mib,
+        camera=status.get("camera"),
     )
     return health_list(look)
 
@@ -95,6 +98,15 @@ def _relative(robot: Values) -> str:
     place = "East {:.1f}, North {:.1f}, Up {:.1f} m".format(*(round(p, 1) + 0.0 for p in (east_m, north_m, up_m)))
     axes = f"its axes {robot['axes_deg']:+.1f}° ± {robot['axes_std_deg']:.1f}° to ours"
     return f"{place} from here, ± {robot['std_m']:.1f} m; {axes}"
+
+
+def _leads(camera: Values) -> str:
+    """Who says where the target is, and what the tag camera saw so far."""
+    age_s = camera["frame_age_s"]
+    if age_s is None:
+        return f"the {camera['leads']}; no image of the tag camera yet"
+    seen = f"{camera.get('believed', 0)} sightings of its tag believed in {camera['frames']} images"
+    return f"the {camera['leads']}; {seen}, the newest {age_s:.1f} s ago"
 
 
 def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:

@@ -17,7 +17,7 @@ from typing import Any, Final, cast
 
 import msgspec
 
-from companion.config import schema
+from companion.config import schema, tag_camera
 from companion.config.schema import CHECK, Config
 
 _DRAFT: Final = "http://json-schema.org/draft-07/schema#"
@@ -31,7 +31,7 @@ def json_schema() -> dict[str, Any]:
     made = msgspec.json.schema(Config)
     sections: dict[str, Any] = made["$defs"]
     for name, section in sections.items():
-        _complete(section, getattr(schema, name))
+        _complete(section, getattr(schema if hasattr(schema, name) else tag_camera, name))
     root = sections.pop(Config.__name__)
     whole = {"$schema": _DRAFT, **root, "title": _TITLE, "$defs": sections}
     return cast(dict[str, Any], msgspec.json.decode(msgspec.json.encode(whole)))  # tuples become lists

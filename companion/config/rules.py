@@ -19,6 +19,8 @@ _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:[1-9]\d{{2,7}})$")
 _IPV4: Final = re.compile(r"^(\d{1,3}\.){3}\d{1,3}$")
 _POSES_PER_DATAGRAM: Final = 25
+_TAGS: Final = {"tag36h11": 587, "tag25h9": 35}
+"""Codes of a family."""
 _MAX_LOST_S: Final = 4.0
 """PX4 takes its position for valid 4.6 s after the newest pose; the landing must have begun by then."""
 
@@ -179,6 +181,28 @@ def _foxglove(config: Config) -> Iterator[str]:
         yield f"foxglove.port: {foxglove.port} is the page's; expected another"
 
 
+def _tag_camera(config: Config) -> Iterator[str]:
+    camera = config.tag_camera
+    if not camera.enabled:
+        return
+    if config.role != "uav":
+        yield f"tag_camera.enabled: a {config.role} flies to nobody; expected false"
+    if not camera.tags:
+        yield "tag_camera.tags: empty; expected the tag of one robot at least, with peer, tag and size_m"
+    known = {peer.id for peer in config.peers}
+    for key, values in (("peer", [tag.peer for tag in camera.tags]), ("tag", [tag.tag for tag in camera.tags])):
+        for value in sorted({one for one in values if values.count(one) > 1}):
+            yield f"tag_camera.tags: {key} {value} stands twice; each robot has a tag of its own"
+    for tag in camera.tags:
+        if tag.peer not in known:
+            yield f"tag_camera.tags: {tag.peer} is the id of no peer"
+        if tag.tag >= _TAGS[camera.family]:
+            yield f"tag_camera.tags: {camera.family} has no tag {tag.tag}; expected 0..{_TAGS[camera.family] - 1}"
+    for key, place, size in (("cx_px", camera.cx_px, camera.size_px[0]), ("cy_px", camera.cy_px, camera.size_px[1])):
+        if place >= size:
+            yield f"tag_camera.{key}: {place:g} is outside the image of size_px; expected less than {size}"
+
+
 def _autopilot(config: Config) -> Iterator[str]:
     autopilot = config.autopilot
     if autopilot is not None and not autopilot.gps and autopilot.forward_vio_hz < MIN_VIO_HZ:
@@ -214,6 +238,7 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _page,
     _tak,
     _foxglove,
+    _tag_camera,
     speed_errors,
     range_errors,
     rate_errors,

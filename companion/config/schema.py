@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from companion.config.tag_camera import TagCameraConfig
 from wsr.channel import channel_frequency_hz
 
 CHECK = "check"
@@ -363,6 +364,7 @@ class Config:
     team: TeamConfig = field(default_factory=TeamConfig)
     tak: TakConfig = field(default_factory=TakConfig)
     foxglove: FoxgloveConfig = field(default_factory=FoxgloveConfig)
+    tag_camera: TagCameraConfig = field(default_factory=TagCameraConfig)
     autopilot: AutopilotConfig | None = None
 
     @property

@@ -38,6 +38,10 @@ def _lines(config: Config) -> Iterator[str]:
         if config.role == "beacon":
             yield "PrivateDevices=no"
         yield "DeviceAllow=char-usb_device rw"
+    if config.tag_camera.enabled:
+        yield "# tag_camera.enabled: the camera that sees tags."
+        yield "SupplementaryGroups=video"
+        yield "DeviceAllow=char-video4linux rw"
     for key, path in (("recorder.path", config.recorder.path), ("state_dir", config.state_dir)):
         folder = str(config.path(path).parent if key == "recorder.path" else config.path(path))
         if not _is_given(folder):

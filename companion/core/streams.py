@@ -50,6 +50,7 @@ SECOND: Final = Stream("/second", 1, 3.0, "json", _IN)
 SURROUNDINGS: Final = Stream("/surroundings", 0, 0.0, "json", _IN)
 BOOK: Final = Stream("/book", 0, 0.0, "json", _IN)
 END: Final = Stream("/end", 0, 0.0, "json", _IN)
+TAG: Final = Stream("/tag", 0, 0.0, "json", _IN)
 
 APERTURE: Final = Stream("/aperture", 0.3, 20.0, "msgpack", _DECIDED)
 BEARING: Final = Stream("/bearing", 0.3, 20.0, "json", _DECIDED)
@@ -58,6 +59,7 @@ MISSION: Final = Stream("/mission", 0, 0.0, "json", _DECIDED)
 SETPOINT: Final = Stream("/setpoint", 20, 0.2, "json", _DECIDED)
 GATE: Final = Stream("/gate", 0, 0.0, "json", _DECIDED)
 OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json", _DECIDED)
+TAG_PLACE: Final = Stream("/tag/place", 0, 0.0, "json", _DECIDED)
 
 PROFILE: Final = Stream("/aoa/profile", 0.3, 20.0, "protobuf", _VIEW)
 POSE: Final = Stream("/pose", 50, 0.2, "protobuf", _VIEW)
@@ -73,8 +75,8 @@ AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json", _REPORT)
 TRUTH: Final = Stream("/truth", 20, 0.5, "json", Part.TRUTH)
 
 STREAMS: Final = (
-    CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END,
-    APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE, OBSERVED,
+    CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END, TAG,
+    APERTURE, BEARING, TARGET, MISSION, SETPOINT, GATE, OBSERVED, TAG_PLACE,
     PROFILE, POSE, APERTURE_PATH, TRANSFORMS, SCENE,
     TEAM, HEALTH, LOG, AUTOPILOT_EVENT, TRUTH,
 )  # fmt: skip

@@ -6,13 +6,15 @@ import logging
 from collections.abc import Mapping
 from typing import Final
 
+from companion.camera.sighting import TagFrame
 from companion.config.schema import Config
 from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event
-from companion.core.messages import VehicleState
+from companion.core.messages import Vector3, VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import TARGET
+from companion.flight.camera_lead import CameraLead
 from companion.flight.course import Course
 from companion.flight.limits import gate_limits
 from companion.flight.local_frame import LocalFrame
@@ -65,6 +67,10 @@ class Knowledge:
             arrival_confidence=config.mission.arrival_confidence,
             limits=gate_limits(config),
         )
+        self.camera: CameraLead | None = None
+        """Where one is configured."""
+        if config.tag_camera.enabled:
+            self.camera = CameraLead(config, clock, recorder, neighbours, self.targets.found)
         self._packet_ns: dict[int, int] = {}
         self._packets = 0
         self._blind_legs = 0.0
@@ -92,13 +98,52 @@ class Knowledge:
             return
         self._target = peer
         self.targets.select(peer)
+        if self.camera is not None:
+            self.camera.begin_anew()
         self._packets, self._blind_legs, self._tries = 0, 0.0, 0
         _log.info("the target is %s", self.neighbour.name)
 
     def aim(self, vehicle: VehicleState) -> Aim | None:
-        """Where to fly; None while nothing is known of the target."""
+        """Where to fly; None while nothing is known of the target. The camera's word stands before the radio's."""
         p_m = vehicle.p_local_enu_m
-        return None if p_m is None else self.targets.aim(p_m)
+        if p_m is None:
+            return None
+        seen = None if self.camera is None else self.camera.aim(self._target, p_m)
+        return seen or self.targets.aim(p_m)
+
+    def is_near(self, p_m: Vector3) -> bool:
+        """At each tick: whether the target is within the range of arrival of a place, by who leads."""
+        by_radio = self.targets.is_near(p_m)
+        seen = None if self.camera is None else self.camera.is_near(self._target, p_m)
+        return by_radio if seen is None else seen
+
+    def places(self) -> tuple[Vector3, ...]:
+        """What set points are kept away from: where the radio knows robots, and where the camera sees them."""
+        return self.targets.places() + (() if self.camera is None else self.camera.known_places())
+
+    def others(self) -> tuple[Vector3, ...]:
+        """Of those, the robots that are not flown to."""
+        return self.targets.others() + (() if self.camera is None else self.camera.known_places(self._target))
+
+    def take_tags(self, frame: TagFrame) -> None:
+        """The camera has looked. While it leads, path without a bearing of the radio is not blind."""
+        if self.camera is None:
+            return
+        self.camera.take(frame)
+        if self.camera.place(self._target) is not None and self._sar.is_measuring:
+            self._blind_legs, self._tries = 0.0, 0
+            self._course.report(Event.BEARING)
+
+    def follow(self, vehicle: VehicleState) -> None:
+        """At each tick: where the vehicle is."""
+        if self.camera is not None:
+            self.camera.follow(vehicle)
+
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
+        self.targets.shift(delta_enu_m)
+        if self.camera is not None:
+            self.camera.shift(delta_enu_m)
 
     def heard(self, sample: ChannelSample) -> None:
         """A packet was measured."""
@@ -162,6 +207,8 @@ class Knowledge:
     def begin_anew(self) -> None:
         """A mission begins: places of the one before count no more."""
         self.targets.forget()
+        if self.camera is not None:
+            self.camera.begin_anew()
         self._blind_legs, self._tries = 0.0, 0
 
     def note_blind_leg(self) -> None:

@@ -168,6 +168,7 @@ class Flight:
         self._tick_ns = now_ns
         vehicle = self._feed.take(now_ns)
         self._follow_frame(vehicle, now_ns)
+        self.knowledge.follow(vehicle)
         self._origin.tick(vehicle, now_ns)
         self._situations.see(vehicle)
         self.wishes.watch_switch(vehicle)
@@ -230,14 +231,14 @@ class Flight:
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)
         self._measure(now_ns, moving)
-        setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving, self._targets.others())
+        setpoint = self._approach.setpoint(now_ns, self.knowledge.aim(vehicle), moving, self.knowledge.others())
         mission, p_m = self._config.mission, vehicle.p_local_enu_m
         if mission.vehicle == "rover" and p_m is not None:
             setpoint = in_plane(setpoint, p_m, self._gate.limits)
         elif mission.setpoints == "velocity" and p_m is not None:
             setpoint = as_velocity(setpoint, p_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
-        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self._targets.places(), self._frame.ground_m)
+        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self.knowledge.places(), self._frame.ground_m)
         if self._refusals.note(verdict.reasons, now_ns, self._frame.is_stepping(now_ns)):
             self._give_up_leg(verdict.reasons, vehicle)
         if verdict.setpoint is not None:
@@ -281,7 +282,7 @@ class Flight:
         if delta_m is not None:
             _log.warning("the vehicle set its position anew by %.2f, %.2f, %.2f m; the path moves along", *delta_m)
             self._approach.shift(delta_m)
-            self.knowledge.targets.shift(delta_m)
+            self.knowledge.shift(delta_m)
             self._sar.abandon()
 
     def _report(self, event: Event | None, reason: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from companion.core.inputs import Event
-from companion.core.messages import Setpoint
+from companion.core.messages import Setpoint, Vector3
 from companion.guidance.target import Target, TargetReport
 from companion.mission.table import Action, State
 from companion.sensing.records import Bearing, Iteration
@@ -42,6 +42,18 @@ class ObservedSetpoint:
     t_mono_ns: int
     setpoint: Setpoint
     reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagReport:
+    """What was made of one sighting of a robot's tag: why it is not believed (empty when it is), where the tag was in
+    the autopilot's local frame as far as that could be told, and whether the camera leads to that robot then."""
+
+    t_mono_ns: int
+    peer: int
+    doubt: str
+    p_local_enu_m: Vector3 | None
+    leads: bool
 
 
 def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:

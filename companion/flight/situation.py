@@ -64,5 +64,5 @@ class Situations:
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             slept_s=slept_s,
-            target_near=p_m is not None and knowledge.targets.is_near(p_m),
+            target_near=p_m is not None and knowledge.is_near(p_m),
         )

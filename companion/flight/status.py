@@ -42,6 +42,7 @@ def status(
         "target_id": knowledge.neighbour.id,
         "target_name": knowledge.neighbour.name,
         "robots": [_robot(knowledge, robot) for robot in knowledge.robots],
+        "camera": None if knowledge.camera is None else knowledge.camera.status(knowledge.neighbour.id),
         "streaming": streaming,
         "vehicle": _vehicle(vehicle),
         "overruns": overruns,

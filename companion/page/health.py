@@ -18,6 +18,7 @@ _HEARTBEAT_S: Final = 1.5
 _BATTERY_MARGIN: Final = 0.1
 _SILENT_S: Final = 3.0
 _PAIRED: Final = 0.5
+_CAMERA_S: Final = 2.0
 _PACKETS_HZ: Final = 20.0
 """Fewer give an aperture too few packets."""
 
@@ -44,6 +45,8 @@ class HealthLook:
     gate: Sequence[str] = ()
     packets_hz: float | None = None
     free_mib: float | None = None
+    camera: Values | None = None
+    """Of the status; None where no tag camera is configured."""
     silent_s: float = 0.0
     """Since the service last said anything."""
 
@@ -157,6 +160,18 @@ def _worker(look: HealthLook) -> Iterator[Item]:
         yield Item(WARNING, "gate", f"refuses: {'; '.join(look.gate)}", "docs/guidance.md says what each means")
 
 
+def _tag_camera(look: HealthLook) -> Iterator[Item]:
+    if look.camera is None:
+        return
+    age_s = look.camera["frame_age_s"]
+    todo = "companion status; journalctl -u companion: is it plugged in, is the extra apriltag there?"
+    if age_s is None or age_s > _CAMERA_S:
+        silent = "no image yet" if age_s is None else f"no image for {age_s:.0f} s"
+        yield Item(WARNING, "tag camera", f"{silent}; the radio leads", todo)
+    else:
+        yield Item(OK, "tag camera", f"the {look.camera['leads']} leads")
+
+
 def _log(look: HealthLook) -> Iterator[Item]:
     recorder = (look.health or {}).get("recorder", {})
     if recorder.get("failures"):
@@ -171,4 +186,4 @@ def _log(look: HealthLook) -> Iterator[Item]:
         yield Item(OK, "log", f"written{free}")
 
 
-_PARTS: Final = (_service, _autopilot, _poses, _radio, _neighbours, _worker, _log)
+_PARTS: Final = (_service, _autopilot, _poses, _radio, _neighbours, _worker, _tag_camera, _log)

@@ -58,6 +58,7 @@ class Model:
             gate=self._gate,
             packets_hz=self.rate("/csi"),
             free_mib=self.free_mib,
+            camera=self._status.get("camera"),
             silent_s=silent_s,
         )
 

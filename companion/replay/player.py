@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from companion.autopilot.port import Autopilot
+from companion.camera import sighting
 from companion.config.schema import Config
 from companion.core.clock import Clock
 from companion.core.event_clock import EventClock
@@ -29,6 +30,7 @@ from companion.core.streams import (
     SECOND,
     STREAMS,
     SURROUNDINGS,
+    TAG,
     TICK,
     VEHICLE,
     WISH,
@@ -255,6 +257,8 @@ class Player:
             (self.worker.ready.set if is_ready else self.worker.ready.clear)()
         elif topic == ANSWER.topic and self._exact:
             self._hand_over(self.worker.answer(msgspec.json.decode(data, type=Answer)))
+        elif topic == TAG.topic:
+            uav.take_tags(sighting.decode(data))
         elif topic == END.topic:
             uav.flight.end()
 

@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 from companion.autopilot.port import Autopilot
 from companion.autopilot.snapshot import SnapshotAutopilot
+from companion.camera.sighting import TagFrame
 from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Surroundings
 from companion.core.recorder import Recorder
+from companion.core.streams import TAG
 from companion.flight.commands import FlightCommands, MakeCommands
 from companion.flight.loop import Flight
 from companion.flight.vio_forward import VioForwarder
@@ -40,6 +42,7 @@ class Uav:
         look: Callable[[], Surroundings] | None = None,
     ) -> None:
         assert config.autopilot is not None
+        self._clock, self._recorder = clock, recorder
         self.node = node = Node(config, clock, recorder, inputs)
         self.autopilot = SnapshotAutopilot(make_autopilot(node.odometry_sink()), clock, recorder)
         aperture = config.aperture
@@ -75,4 +78,13 @@ class Uav:
         forwarder = VioForwarder(self.autopilot, node.intake, config.autopilot.forward_vio_hz)
         node.samples.connect(window.add_sample, self.flight.knowledge.heard)
         node.poses.connect(window.add_pose, forwarder.forward)
+        if self.flight.knowledge.camera is not None:
+            node.poses.connect(self.flight.knowledge.camera.add_pose)
         self.sar.iterations.connect(self.flight.knowledge.add_iteration, node.share_iteration)
+
+    def take_tags(self, frame: TagFrame) -> None:
+        """The tag camera has looked; recorded where it saw something."""
+        with self._clock.event():
+            if frame.tags:
+                self._recorder.record(TAG, frame.t_mono_ns, frame)
+            self.flight.knowledge.take_tags(frame)

@@ -24,6 +24,7 @@ from companion.roles.inputs import LiveInputs
 from companion.roles.live import LiveStreams
 from companion.roles.node import Node
 from companion.roles.page import Page
+from companion.roles.tag_camera import TagCamera
 from companion.roles.tak import Tak
 from companion.roles.team import TeamOf
 from companion.roles.uav import Uav
@@ -67,6 +68,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         worker=worker,
     )
     team = TeamOf(uav.node)
+    tag_camera = TagCamera(config, uav.take_tags)
     uav.sar.iterations.connect(team.add_iteration)
     worker.answers.connect(uav.sar.take_answer)
     worker.readiness.connect(uav.sar.note_worker)
@@ -88,6 +90,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
             page.start(uav.flight.status)
             ground.start(uav.flight.status, edges[-1].ground)
             team.start()
+            tag_camera.start()
             tak.start(lambda: {"target_id": uav.flight.knowledge.neighbour.id})
             await asyncio.sleep(0)  # each of them has begun
             ending.started()
@@ -99,6 +102,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         await ground.aclose()
         await uav.autopilot.aclose()
         await team.aclose()
+        await tag_camera.aclose()
         await tak.aclose()
         await page.aclose()
         await live.aclose()
