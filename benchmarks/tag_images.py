@@ -18,6 +18,7 @@ SIZE_M: Final = 0.16
 _CELL_PX: Final = 40
 _QUIET: Final = 2
 """Cells of white around the black square."""
+_BEHIND: Final = 90
 _OVER: Final = 4
 """Pixels are integrated over so many in each axis."""
 _Image = npt.NDArray[np.uint8]
@@ -67,14 +68,16 @@ def tag_image(view: View, number: int, rng: np.random.Generator, family: int = c
         wide_px = round(view.covered * cells * _CELL_PX)
         pattern[:, quiet_px : quiet_px + wide_px] = 128
     to_image = _homography(view, cells)
+    left, top, right, bottom = _box(to_image, pattern.shape[0])
     scale = np.diag([_OVER, _OVER, 1.0])
-    scale[:2, 2] = (_OVER - 1) / 2
-    size = (WIDTH * _OVER, HEIGHT * _OVER)
+    scale[:2, 2] = (_OVER - 1) / 2 - _OVER * left, (_OVER - 1) / 2 - _OVER * top
+    size = ((right - left) * _OVER, (bottom - top) * _OVER)
     shape = cv2.warpPerspective(np.full_like(pattern, 255), scale @ to_image, size)
     shown = cv2.warpPerspective(pattern, scale @ to_image, size, flags=cv2.INTER_AREA)
-    behind = np.full(shown.shape, 90, np.uint8)
-    large = np.where(shape > 127, shown, behind)
-    image: Any = cv2.resize(large, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA).astype(np.float32) * view.light
+    large = np.where(shape > 127, shown, np.full_like(shown, _BEHIND))
+    image: Any = np.full((HEIGHT, WIDTH), _BEHIND, np.float32)
+    image[top:bottom, left:right] = cv2.resize(large, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+    image *= view.light
     if view.glare:
         image = np.maximum(image, _glare(view))
     if view.blur_px:
@@ -97,6 +100,16 @@ def empty_image(rng: np.random.Generator) -> _Image:
     grid = rng.integers(0, 2, (16, 16)).astype(np.uint8) * 255
     image[40:232, 40:232] = cv2.resize(grid, (192, 192), interpolation=cv2.INTER_NEAREST)
     return np.clip(image + rng.normal(0.0, 3.0, image.shape), 0, 255).astype(np.uint8)
+
+
+def _box(to_image: _Floats, side_px: int) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the pixels a pattern falls on."""
+    corners = to_image @ np.array([(0, 0, 1), (side_px, 0, 1), (side_px, side_px, 1), (0, side_px, 1)]).T
+    at = corners[:2] / corners[2]
+    low, high = np.floor(at.min(axis=1)) - 1, np.ceil(at.max(axis=1)) + 2
+    left, top = np.clip(low, 0, (WIDTH - 1, HEIGHT - 1)).astype(int).tolist()
+    right, bottom = np.clip(high, (left + 1, top + 1), (WIDTH, HEIGHT)).astype(int).tolist()
+    return left, top, right, bottom
 
 
 def _homography(view: View, cells: int) -> _Floats:
