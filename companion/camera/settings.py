@@ -39,6 +39,10 @@ def reader_settings(config: Config) -> str:
         rate_hz=camera.rate_hz,
         delay_s=camera.delay_s,
     )
+    return settings_text(settings)
+
+
+def settings_text(settings: ReaderSettings) -> str:
     return msgspec.json.encode(settings).decode()
 
 

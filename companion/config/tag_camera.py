@@ -9,6 +9,7 @@ from msgspec import Meta
 
 _Pixels = Annotated[float, Meta(ge=1, le=20000)]
 _Degrees = Annotated[float, Meta(ge=-180, le=180)]
+_Bend = Annotated[float, Meta(ge=-100, le=100)]
 _Lever = Annotated[float, Meta(ge=-10, le=10)]
 
 
@@ -45,7 +46,7 @@ class TagCameraConfig:
     """the optical axis across"""
     cy_px: _Pixels = 240.0
     """and down the image."""
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[_Bend, _Bend, _Bend, _Bend, _Bend] = (0.0, 0.0, 0.0, 0.0, 0.0)
     """k1, k2, p1, p2, k3 of OpenCV's model."""
     position_m: tuple[_Lever, _Lever, _Lever] = (0.0, 0.0, 0.0)
     """Of the camera in body axes (forward, left, up), from the tracker."""

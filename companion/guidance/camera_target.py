@@ -86,7 +86,7 @@ class CameraPlace:
         """The probability that the robot is within a range of a place, by the deviation along the line between."""
         line_m = np.array(self.place(target_p_enu_m)) - p_m
         distance_m = float(np.linalg.norm(line_m))
-        along = line_m / max(distance_m, 1e-9)
+        along = line_m / distance_m if distance_m > 1e-6 else np.array([1.0, 0.0, 0.0])
         std_m = math.sqrt(float(along @ np.array(self.covariance_m2) @ along))
         return 0.5 * (1.0 + math.erf((range_m - distance_m) / (math.sqrt(2.0) * std_m)))
 

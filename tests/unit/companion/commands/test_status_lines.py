@@ -79,6 +79,17 @@ def test_a_team_that_is_off_is_not_spoken_of_and_one_that_is_silent_is() -> None
     assert dict(person_lines(beacon))["team"] == "nothing known yet"
 
 
+def test_who_leads_is_said_where_a_tag_camera_is_configured() -> None:
+    assert "leads" not in dict(person_lines(status()))
+    camera = {"leads": "radio", "frame_age_s": None}
+    assert dict(person_lines(status(camera=camera)))["leads"] == "the radio; no image of the tag camera yet"
+    camera = {"leads": "camera", "frame_age_s": 0.06, "frames": 120, "believed": 40}
+    told = "the camera; 40 sightings of its tag believed in 120 images, the newest 0.1 s ago"
+    assert dict(person_lines(status(camera=camera)))["leads"] == told
+    items = [(one.name, one.text) for one in health_items(status(camera=camera), 5000.0)]
+    assert ("tag camera", "the camera leads") in items
+
+
 def test_at_rest_what_is_missing_is_listed() -> None:
     lines = list(person_lines(status(state="idle", not_ready=["no packets", "no poses"])))
     assert ("missing", "no packets") in lines and ("", "no poses") in lines

@@ -9,6 +9,7 @@ import pytest
 from companion.config.file import load_config
 from companion.config.rules import config_errors
 from companion.config.schema import Config
+from companion.config.tag_camera import PeerTag
 from tests.paths import CONFIGS
 
 UAV = load_config(CONFIGS / "demo-uav.yaml")
@@ -19,6 +20,10 @@ AUTOPILOT = UAV.autopilot
 def changed(part: str, **values: object) -> Config:
     """The demo's flying robot with other values in one part."""
     return replace(UAV, **{part: replace(getattr(UAV, part), **values)})
+
+
+def _tag(**values: int) -> PeerTag:
+    return PeerTag(**{"peer": 2, "tag": 7, "size_m": 0.16} | values)  # type: ignore[arg-type]
 
 
 def test_a_configuration_that_fits_has_no_errors() -> None:
@@ -44,6 +49,14 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         (changed("mission", target=99), "mission.target: 99 is the id of no peer"),
         (replace(UAV, id=UAV.peers[0].id), f"peers: id {UAV.peers[0].id} is this robot's own id"),
         (replace(UAV, peers=UAV.peers * 2), f"peers: id {UAV.peers[0].id} stands twice"),
+        (changed("tag_camera", enabled=True), "tag_camera.tags: empty"),
+        (changed("tag_camera", enabled=True, tags=[_tag(peer=5)]), "tag_camera.tags: 5 is the id of no peer"),
+        (changed("tag_camera", enabled=True, tags=[_tag(), _tag(tag=8)]), "tag_camera.tags: peer 2 stands twice"),
+        (
+            changed("tag_camera", enabled=True, family="tag25h9", tags=[_tag(tag=35)]),
+            "tag_camera.tags: tag25h9 has no tag 35; expected 0..34",
+        ),
+        (changed("tag_camera", enabled=True, cx_px=640.0, tags=[_tag()]), "tag_camera.cx_px: 640 is outside"),
         (changed("gate", min_height_m=1.45), "mission.takeoff_height_m: the vertical weave"),
         (changed("gate", fence_max_m=(50.0, 50.0, 1.55)), "mission.takeoff_height_m: the vertical weave"),
         (changed("autopilot", url="udp://:14540"), "autopilot.url: 'udp://:14540'"),

