@@ -5,22 +5,28 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Final
 
 from companion.camera.settings import reader_settings
 from companion.camera.sighting import TagFrame
 from companion.camera.source import TagSource
 from companion.config.schema import Config
+from companion.errors import ConfigError
 from companion.host.fed_process import keep_fed
 
 _log = logging.getLogger(__name__)
 READER: Final = "companion.camera.reader"
+_EXTRA: Final = "tag_camera.enabled: needs the library opencv-python-headless: pip install 'wsr-companion[apriltag]'"
 
 
 class TagCamera:
-    """With `tag_camera.enabled` off nothing is started. What fails here costs the flight the camera alone."""
+    """With `tag_camera.enabled` off nothing is started. What fails later costs the flight the camera alone. Raises
+    ConfigError where the library is not installed."""
 
     def __init__(self, config: Config, on_frame: Callable[[TagFrame], None]) -> None:
+        if config.tag_camera.enabled and find_spec("cv2") is None:
+            raise ConfigError(_EXTRA)
         self._config = config
         self._on_frame = on_frame
         self._source: TagSource | None = None

@@ -109,7 +109,7 @@ def test_every_test_that_is_named_is_there() -> None:
 def test_every_stop_of_a_way_is_there() -> None:
     """A way is a table with a function at each stop."""
     wiring, *ways = (DOCS / "architecture.md").read_text().split("<!-- way: ")
-    assert [way.partition(" ")[0] for way in ways] == ["csi", "datagram", "pose", "wish", "replay"]
+    assert [way.partition(" ")[0] for way in ways] == ["csi", "datagram", "pose", "tag", "wish", "replay"]
     for way in (wiring, *ways):
         stops = _STOP.findall(way)
         assert len(stops) >= 2

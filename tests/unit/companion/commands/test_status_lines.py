@@ -81,7 +81,7 @@ def test_a_team_that_is_off_is_not_spoken_of_and_one_that_is_silent_is() -> None
 
 def test_who_leads_is_said_where_a_tag_camera_is_configured() -> None:
     assert "leads" not in dict(person_lines(status()))
-    camera = {"leads": "radio", "frame_age_s": None}
+    camera: dict[str, object] = {"leads": "radio", "frame_age_s": None}
     assert dict(person_lines(status(camera=camera)))["leads"] == "the radio; no image of the tag camera yet"
     camera = {"leads": "camera", "frame_age_s": 0.06, "frames": 120, "believed": 40}
     told = "the camera; 40 sightings of its tag believed in 120 images, the newest 0.1 s ago"

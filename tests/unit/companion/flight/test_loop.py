@@ -29,6 +29,7 @@ def test_a_set_point_has_one_way_out_and_it_leads_through_the_gate() -> None:
 
 _ABOUT_THE_FLIGHT = (
     "announcements",
+    "camera_lead",
     "course",
     "engagement",
     "knowledge",

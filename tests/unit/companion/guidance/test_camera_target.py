@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from companion.camera.place import TagPlace
@@ -50,7 +51,7 @@ class _Seen:
     def see(
         self,
         count: int = 1,
-        at_m: np.ndarray = _THERE,  # type: ignore[type-arg]
+        at_m: npt.NDArray[np.float64] = _THERE,
         radio: Target | None = None,
         step_m: float = 0.0,
         boot: int = _BOOT,

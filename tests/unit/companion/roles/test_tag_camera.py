@@ -16,7 +16,9 @@ from companion.camera.sighting import TagFrame
 from companion.config.file import load_config
 from companion.config.schema import Config
 from companion.config.tag_camera import PeerTag, TagCameraConfig
+from companion.errors import ConfigError
 from companion.host import fed_process
+from companion.roles import tag_camera
 from companion.roles.tag_camera import READER, TagCamera
 from tests.paths import CONFIGS
 from tests.unit.companion.roles.test_page import children
@@ -61,6 +63,13 @@ async def test_a_process_that_is_killed_is_replaced_and_nothing_waits(
     finally:
         await camera.aclose()
     assert children(READER) == []
+
+
+def test_without_the_library_it_is_refused_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tag_camera, "find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match=r"tag_camera\.enabled: needs the library .*wsr-companion\[apriltag\]"):
+        TagCamera(_config(True, tmp_path), lambda frame: None)
+    TagCamera(_config(False, tmp_path), lambda frame: None)
 
 
 async def test_off_it_starts_nothing(tmp_path: Path) -> None:
