@@ -306,7 +306,7 @@ def test_an_empty_word_is_not_the_folder_we_are_in(
 def test_a_folder_that_is_a_file_is_said_to_be(call: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     code, err = call("log", "export", str(GOLDEN[0]), "--out", str(tmp_path / "out"))
-    assert code == 1 and "out: is there and is no folder" in err
+    assert code == 1 and "out: cannot be written: no folder; expected one" in err
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
