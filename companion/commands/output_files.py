@@ -71,7 +71,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except FileExistsError as error:
         raise CompanionError(
-            f"{error.filename or path}: is there and is no folder; expected one, or a new name"
+            f"{error.filename or path}: cannot be written: no folder; expected one, or a new name"
         ) from None
     except OSError as error:
         raise CompanionError(f"{error.filename or path}: cannot be written: {error.strerror or error}") from None
