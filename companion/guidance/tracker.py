@@ -192,6 +192,7 @@ class TargetTracker:
     def _note(self, bearing: Bearing) -> None:
         """A source whose range shows where it is."""
         assert self._witnesses is not None
+        self._witnesses.look(_place(bearing), bearing.fresh)
         if bearing.range_m is None or bearing.range_m > _WITNESS_M or bearing.range_std_m > _WITNESS_STD_M:
             return
         unit = direction(bearing.azimuth_rad, bearing.polar_rad)

@@ -24,6 +24,11 @@ _SEEN: Final = 0.5
 """Apertures' worth of packets that make a source count,"""
 _SIDES: Final = math.cos(math.radians(25.0))
 """seen in directions that differ: their mean is no longer than this."""
+_NEAR_M: Final = 2.5
+"""From within this a range shows, in a hard room one time in four:"""
+_MISSED: Final = 0.25
+"""what a source loses of its weight in each aperture in which it might have been seen."""
+_LEAST: Final = 1e-3
 _MOST: Final = 64
 """Sources kept; the one that was seen least goes first."""
 
@@ -67,6 +72,19 @@ class Witnesses:
         if len(self._sources) == _MOST:
             self._sources.remove(min(self._sources, key=lambda source: source.weight))
         self._sources.append(_Source(weight, weight * origin_m, weight * unit))
+
+    def look(self, from_m: _Floats, weight: float) -> None:
+        """From `from_m` (3,), in the same frame, sources near by might be seen; those that are not count less and less,
+        or a flight would stay with one that drift has feigned."""
+        for source in self._sources:
+            if _level_m(source.mean_m, from_m) < _NEAR_M:
+                kept = max(0.0, 1.0 - _MISSED * weight / source.weight)
+                source.weight, source.origin_m, source.unit = (
+                    kept * source.weight,
+                    kept * source.origin_m,
+                    kept * source.unit,
+                )
+        self._sources = [source for source in self._sources if source.weight > _LEAST]
 
     def shift(self, delta_m: _Floats) -> None:
         """All places are `delta_m` (3,) elsewhere."""

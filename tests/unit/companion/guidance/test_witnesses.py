@@ -51,3 +51,23 @@ def test_a_long_flight_keeps_what_was_seen_most() -> None:
         witnesses.add(np.array([3.0 * number, 40.0, 0.5]), np.array([1.0, 0.0, 0.0]), 0.2)
     nearer = witnesses.nearer(IMAGE)
     assert nearer is not None and nearer == pytest.approx(ROBOT, abs=0.3)
+
+
+def test_what_is_looked_for_from_near_and_not_seen_counts_no_more() -> None:
+    """Or a flight would circle for ever around a place that drift has feigned, and say nothing."""
+    feigned, robot = Witnesses(np.zeros(3)), Witnesses(np.zeros(3))
+    for witnesses in (feigned, robot):
+        _seen_around(witnesses, ROBOT, (0.0, 0.7, 1.4, 2.1))
+    for number in range(40):  # eight apertures
+        beside = ROBOT + 1.4 * np.array([np.cos(number), np.sin(number), 0.0])
+        feigned.look(beside, 0.2)
+        robot.look(beside, 0.2)
+        if number % 3 == 0:  # in a hard room a range shows now and then
+            robot.add(ROBOT, np.array([-np.cos(number), -np.sin(number), 0.0]), 0.2)
+    assert feigned.nearer(IMAGE) is None
+    assert robot.nearer(IMAGE) == pytest.approx(ROBOT, abs=0.3)
+    afar = Witnesses(np.zeros(3))
+    _seen_around(afar, ROBOT, (0.0, 0.7, 1.4, 2.1))
+    for _ in range(40):
+        afar.look(np.zeros(3), 0.2)
+    assert afar.nearer(IMAGE) is not None
