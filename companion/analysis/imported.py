@@ -11,7 +11,7 @@ from __future__ import annotations
 import heapq
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -118,18 +118,26 @@ def scene_of(session: Session) -> ImportedScene:
     return scene
 
 
-def export(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None = None) -> list[Path]:
+def export(
+    session: Session,
+    formats: Sequence[str],
+    folder: Path,
+    progress: Progress | None = None,
+    on_cut: Callable[[Path], None] | None = None,
+) -> list[Path]:
     """As `companion.log.export.export`, but that a recording gives its own files again as .dat and CSV."""
     if session.metadata.get("role") != RECORDING:
-        return export_flight(session, formats, folder, progress)
+        return export_flight(session, formats, folder, progress, on_cut)
     folder.mkdir(parents=True, exist_ok=True)
     wanted = tuple(suffix for suffix, name in _FILES.items() if name in formats)
-    written = export_files(session, folder, wanted) if wanted else []
+    written = export_files(session, folder, wanted, on_cut) if wanted else []
     others = [name for name in formats if name not in _FILES.values()]
-    return written + (export_flight(session, others, folder, progress) if others else [])
+    return written + (export_flight(session, others, folder, progress, on_cut) if others else [])
 
 
-def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> list[Path]:
+def export_files(
+    session: Session, folder: Path, wanted: tuple[str, ...], on_cut: Callable[[Path], None] | None = None
+) -> list[Path]:
     """The files of a recording again, those of the suffixes `wanted`: .dat of both ends, trajectories (.csv), truth
     (.json), below `folder` as their data set has them. Raises OSError."""
     scene = scene_of(session)
@@ -138,7 +146,7 @@ def export_files(session: Session, folder: Path, wanted: tuple[str, ...]) -> lis
     csi: dict[str, list[tuple[int, bytes]]] = {}
     poses: dict[str, list[str]] = {}
     tx_poses: dict[str, list[str]] = {}
-    for message in session.messages():
+    for message in session.messages(on_cut=on_cut):
         if message.topic.endswith(CSI.topic):
             record = encode_file_record(message.data[0], message.data[1:])
             csi.setdefault(_name_of(message.topic), []).append((message.sequence, record))

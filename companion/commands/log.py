@@ -75,8 +75,11 @@ def export(path: Path, formats: tuple[str, ...], ros2: bool, out: Path) -> None:
 
     session = open_session(path)
     wanted = (*formats, ROS2) if ros2 else formats or FORMATS
+    cut = dict[Path, None]()
     with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
-        written = write(session, wanted, out, progress)
+        written = write(session, wanted, out, progress, lambda part: cut.update({part: None}))
+    for part in cut:
+        click.echo(f"{part}: cut off or damaged; what can be read of it is exported", err=True)
     if not written:
         raise CompanionError(f"{path}: holds nothing that {', '.join(wanted)} could show")
     click.echo("written: " + ", ".join(map(str, written)))

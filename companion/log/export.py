@@ -31,8 +31,15 @@ _TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, rev
 _TRAJECTORY: Final = POSE.topic + "/"
 
 
-def export(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None = None) -> list[Path]:
+def export(
+    session: Session,
+    formats: Sequence[str],
+    folder: Path,
+    progress: Progress | None = None,
+    on_cut: Callable[[Path], None] | None = None,
+) -> list[Path]:
     """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it.
+    `on_cut` is told of each part that is cut off or damaged: what can be read of it is written.
 
     Raises OSError, and CompanionError for an unreadable log.
     """
@@ -42,17 +49,23 @@ def export(session: Session, formats: Sequence[str], folder: Path, progress: Pro
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(prefix=".", dir=folder) as staging:
-            written = _written(session, formats, Path(staging), progress)
+            written = _written(session, formats, Path(staging), progress, on_cut)
             return [path.replace(folder / path.name) for path in written]
     finally:
         if made and not any(folder.iterdir()):
             folder.rmdir()
 
 
-def _written(session: Session, formats: Sequence[str], folder: Path, progress: Progress | None) -> list[Path]:
+def _written(
+    session: Session,
+    formats: Sequence[str],
+    folder: Path,
+    progress: Progress | None,
+    on_cut: Callable[[Path], None] | None,
+) -> list[Path]:
     exporters = [_EXPORTERS[name](folder) for name in formats]
     try:
-        for message in session.messages(progress=progress) if exporters else ():
+        for message in session.messages(progress=progress, on_cut=on_cut) if exporters else ():
             robot, topic = _of_robot(message.topic)
             for exporter in exporters:
                 exporter.take(robot, topic, message)

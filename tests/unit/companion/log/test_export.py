@@ -47,3 +47,11 @@ def test_export_gives_other_tools_what_they_read(companion: Run, tmp_path: Path)
     assert arrays["aperture_0_chi_m"].shape == (packets, 3)
     assert arrays["aperture_0_channel"].dtype == complex
     assert arrays["pose"].shape == (len(tum), 10)
+
+
+def test_what_is_left_of_a_cut_log_is_exported_and_said_to_be_cut(companion: Run, tmp_path: Path) -> None:
+    (tmp_path / "cut.mcap").write_bytes(FLIGHT.read_bytes()[:-40_000])
+    code, _, err = companion("log", "export", tmp_path / "cut.mcap", "--to", "tum", "--out", tmp_path / "x")
+    assert code == 0 and "cut.mcap: cut off or damaged; what can be read of it is exported" in err
+    assert len(np.loadtxt(tmp_path / "x" / "pose.tum")) > 100
+    assert "cut off" not in companion("log", "export", FLIGHT, "--to", "tum", "--out", tmp_path / "y")[2]
