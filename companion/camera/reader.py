@@ -52,8 +52,10 @@ def _look(settings: ReaderSettings, told: socket.socket) -> None:
     from companion.camera.images import images
 
     detector = _detector(settings)
+    # The timer's default action ends a process, in a driver's call too. To open a camera counts as well.
+    signal.setitimer(signal.ITIMER_REAL, _SILENT_S)
     for t_ns, image in images(settings.source, settings.rate_hz, settings.size_px, settings.delay_s):
-        signal.setitimer(signal.ITIMER_REAL, _SILENT_S)  # its default action ends a process, in a driver's call too
+        signal.setitimer(signal.ITIMER_REAL, _SILENT_S)
         tags = detector.detect(image)
         with contextlib.suppress(BlockingIOError):
             told.send(encode(TagFrame(t_mono_ns=t_ns, family=settings.family, tags=tuple(tags))))

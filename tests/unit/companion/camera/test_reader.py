@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import subprocess
 import sys
@@ -64,3 +65,14 @@ def test_without_images_or_without_opencv_it_ends_with_words(tmp_path: Path) -> 
     frames, done = _run("-m", "companion.camera.reader", _settings(tmp_path / "none"))
     assert (frames, done.returncode) == ([], 1)
     assert done.stderr == f"tag camera: {tmp_path / 'none'}: no such camera, film or folder\n"
+
+
+def test_a_camera_that_hangs_in_its_driver_ends_the_process(tmp_path: Path) -> None:
+    pytest.importorskip("cv2", reason="needs the extra apriltag")
+    program = (
+        "import sys, time; from companion.camera import images, reader; reader._SILENT_S = 0.3; "
+        "images.images = lambda *a: iter(lambda: time.sleep(30), None); "
+        f"sys.argv = ['reader', {_settings(tmp_path)!r}]; sys.exit(reader.main())"
+    )
+    frames, done = _run("-c", program)
+    assert (frames, done.returncode) == ([], -signal.SIGALRM)
