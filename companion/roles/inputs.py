@@ -6,6 +6,7 @@ from typing import Protocol
 
 from companion.config.schema import Config
 from companion.core.clock import Clock
+from companion.errors import ConfigError
 from companion.neighbours.boots import Book, BootBook
 from companion.neighbours.keys import read_key
 from companion.pose.opening import open_poses
@@ -36,6 +37,8 @@ class LiveInputs:
 
     def __init__(self, config: Config) -> None:
         self._config = config
+        self._keys: dict[bytes, str] = {}
+        """Those read before, by what they hold."""
 
     def open_csi(self) -> CsiSource:
         return open_csi(self._config)
@@ -50,4 +53,17 @@ class LiveInputs:
         return open_pinger(self._config, clock)
 
     def key(self, name: str) -> bytes:
-        return read_key(self._config.path(name))
+        path = self._config.path(name)
+        key = read_key(path)
+        other = self._keys.setdefault(key, name)
+        if self._owner(other) != self._owner(name):
+            raise ConfigError(
+                f"{path}: holds the same key as {other}; each robot has its own, or one could speak for another "
+                "(companion keygen makes one)"
+            )
+        return key
+
+    def _owner(self, name: str) -> int:
+        """The robot whose key the file `name` holds: a peer may have two while they are being replaced."""
+        peers = (peer.id for peer in self._config.peers if name in (peer.key_file, peer.next_key_file))
+        return next(peers, self._config.id)
