@@ -71,9 +71,9 @@ def test_it_leaves_a_log_and_two_pictures(finished: tuple[subprocess.CompletedPr
     for name in ("flight.png", "profile.png"):
         assert (out / name).read_bytes().startswith(b"\x89PNG")
     topics = {message.topic for message in read_log(out / "log.mcap", SERVICE_TOPICS)}
-    # The gate speaks only when it refuses, the autopilot when it has something to say; nothing was only observed, and
-    # the team is off.
-    quiet = {"/gate", "/autopilot_event", "/observed_setpoint", "/team"}
+    # The gate speaks only when it refuses, the autopilot when it has something to say; nothing was only observed,
+    # team and tag camera are off.
+    quiet = {"/gate", "/autopilot_event", "/observed_setpoint", "/team", "/tag", "/tag/place"}
     assert topics | quiet == SERVICE_TOPICS
 
 

@@ -22,6 +22,7 @@ from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Tick
 from companion.core.streams import CSI, POSE_IN, SETPOINT, TICK
+from companion.errors import CompanionError
 from companion.host.control_socket import ask
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.log.info import inspect
@@ -80,7 +81,11 @@ def test_fault_25_every_truncated_prefix_opens(tmp_path: Path) -> None:
         path.write_bytes(whole[:size])
         assert sum(topic.messages for topic in inspect(path).topics) == counts[size]
         target = tmp_path / f"{size}.mcap"
-        assert repair(path, target).messages == counts[size]
+        try:
+            assert repair(path, target).messages == counts[size]
+        except CompanionError as error:
+            assert "nothing could be saved" in str(error) and counts[size] == 0 and not target.exists()
+            continue
         saved = LogScan(target)
         assert len(list(saved)) == counts[size]
         assert saved.is_whole

@@ -63,7 +63,7 @@ async def test_a_whole_flight(autopilot: MavsdkAutopilot, px4: Px4Process) -> No
         rate_hz = truth.setpoints_in_offboard / truth.offboard_s
         print(f"{rate_hz:.2f} set points/s in OFFBOARD, largest gap {1000 * truth.largest_gap_s:.0f} ms")
         assert 18 <= rate_hz <= 22
-        assert truth.largest_gap_s < 0.15
+        assert truth.largest_gap_s < 0.5, "beyond which PX4 leaves OFFBOARD; fault 5 is about gaps under load"
         # East, North, Up and the yaw arrive as they were sent, though NED was spoken on the wire.
         elapsed_s = (_CLOCK.now_ns() - began_ns) / NS_PER_S
         assert truth.v_enu_m_s == pytest.approx((0.5, 0.3, 0.1), abs=0.05)
