@@ -19,7 +19,8 @@ from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 
 
-@pytest.mark.parametrize("trials", [4, pytest.param(12, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("trials", [4, 12])
 def test_errors_reach_the_bound_with_unknown_phase(trials: int) -> None:
     """Over 12 trials of both angles the mean of err^2 / bound scatters by 0.3 about 1, over these 4 it is below too."""
     for row in bound_rows(trials, (10.0,)):

@@ -333,6 +333,7 @@ file.write(str(file.fileno()))
     assert int((tmp_path / "log").read_text()) > 2
 
 
+@pytest.mark.long
 def test_a_message_of_another_century_costs_a_report_no_memory(
     call: Callable[..., tuple[int, str]], inputs: Path, tmp_path: Path
 ) -> None:

@@ -37,7 +37,7 @@ def test_a_long_one_is_put_together_again_by_its_id() -> None:
     assert "".join(fields["text"] for fields in first) == text
 
 
-@given(st.text(max_size=500))
+@given(st.text("aZ 0.,\n\0äß€😀\u0301\udc80", max_size=500))
 def test_chunks_are_ascii_and_end_with_a_short_one(text: str) -> None:
     parts = chunks(text)
     assert 1 <= len(parts) <= MOST_CHUNKS

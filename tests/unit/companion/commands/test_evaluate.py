@@ -115,7 +115,8 @@ def test_a_ranking_is_shown_with_its_interval_from_fifty_links_on(count: int, ra
     assert (f"{count} links, at least 50 are needed" in line) == (not ranked)
 
 
-@pytest.mark.parametrize("poses", ["mocap", pytest.param("t265", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("poses", ["mocap", "t265"])
 def test_reliability_is_calibrated_and_better_than_the_profile_variance(
     recorded: Callable[[str], dict[str, Any]], poses: str
 ) -> None:

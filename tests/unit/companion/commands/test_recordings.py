@@ -94,11 +94,11 @@ def test_a_name_that_is_too_long_is_one_line(companion: Companion, arguments: tu
 def test_places_that_cannot_be_written_leave_nothing(
     companion: Companion, run: RunFolder, tmp_path: Path, command: str
 ) -> None:
-    one_line(companion(command, run.folder, "--out", run.truth), "is no folder")
+    one_line(companion(command, run.folder, "--out", run.truth), "no folder")
     one_line(companion(command, run.folder, "--out", tmp_path / LONG), "cannot be written")
     one_line(companion(command, run.folder, "--json", tmp_path / LONG), "cannot be written")
     one_line(companion(command, run.folder, "--json", "/dev/full", "--out", tmp_path / "p"), "/dev/full", "No space")
-    one_line(companion("log", "import", run.folder, "--out", run.truth), "is no folder")
+    one_line(companion("log", "import", run.folder, "--out", run.truth), "no folder")
     assert not list(tmp_path.rglob("*.part"))
 
 

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from companion.log.reader import open_session
 from companion.log.writer import LogWriter
 from tests.log_commands import FLIGHT, Run
@@ -49,6 +51,7 @@ def test_what_cannot_be_replayed_says_why(companion: Run, tmp_path: Path) -> Non
     assert len(err.strip().splitlines()) == 1
 
 
+@pytest.mark.long
 def test_another_configuration_is_set_beside_the_flown_one(companion: Run, tmp_path: Path) -> None:
     config = json.loads(open_session(FLIGHT).metadata["config"])
     config["aperture"]["estimator"] = "bartlett"

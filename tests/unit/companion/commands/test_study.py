@@ -124,6 +124,7 @@ def _no_trial(spec: object, seed: SeedSequence) -> float:
     raise ValueError("thirteen")
 
 
+@pytest.mark.long
 def test_all_goes_on_after_a_study_that_failed_and_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -110,6 +110,7 @@ def test_what_is_no_trajectory_says_what_would_be(tmp_path: Path) -> None:
         read_trajectory_file(jump)
 
 
+@pytest.mark.long
 def test_a_damaged_bag_ends_in_one_line(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", {"/a": ("PoseStamped", ROWS)})
     (file,) = bag.glob("*.mcap")

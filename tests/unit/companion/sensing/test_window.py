@@ -93,7 +93,7 @@ def test_the_window_keeps_samples_of_both_cards() -> None:
     assert [sample.peer for sample in samples] == [2, 3, 2, 3]
 
 
-@pytest.mark.parametrize("width_mhz", [20, 80])
+@pytest.mark.parametrize("width_mhz", [pytest.param(20, marks=pytest.mark.long), 80])
 def test_the_bearing_of_a_leg_with_ax_cards(width_mhz: Literal[20, 80]) -> None:
     window, neighbour, sent = ax_leg.flown(width_mhz)
     assert {data[4] for data in sent} <= {wire.VERSION, wire.WIDE_VERSION}
