@@ -17,7 +17,7 @@ def packets(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return rng.normal(scale=0.4, size=(count, 3)), np.exp(1j * rng.uniform(-np.pi, np.pi, count))
 
 
-@pytest.mark.parametrize("batch", [3, _FEW + 1, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 32, _FEW))])
+@pytest.mark.parametrize("batch", [3, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 32, _FEW, _FEW + 1))])
 def test_batches_add_up_to_the_whole(batch: int) -> None:
     chi, g = packets(250)
     window = SlidingProfile(WAVELENGTH_M)

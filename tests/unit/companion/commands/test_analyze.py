@@ -285,7 +285,8 @@ def test_every_recorded_run_with_motion_capture(cli: Cli, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("poses", "limit_deg"), [("mocap", 4.0), ("t265", 6.2), pytest.param("odom", 6.2, marks=pytest.mark.long)]
+    ("poses", "limit_deg"),
+    [("mocap", 4.0), *(pytest.param(name, 6.2, marks=pytest.mark.long) for name in ("t265", "odom"))],
 )
 @needs_data
 def test_each_pose_source_on_line_of_sight(cli: Cli, tmp_path: Path, poses: str, limit_deg: float) -> None:

@@ -124,6 +124,7 @@ def test_a_browser_follows_a_replay_on_desktop_and_phone_to_its_end(browser: Ses
     assert showing.result is not None and showing.result.unexpected == 0
 
 
+@pytest.mark.long
 def test_a_page_lives_through_a_restart_of_its_service(browser: Session | None) -> None:
     browser = there(browser)
     with socket.socket() as probe:

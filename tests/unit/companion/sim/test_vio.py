@@ -79,6 +79,7 @@ def test_error_over_one_aperture_is_millimetres() -> None:
     assert max(ates_m) < 0.045
 
 
+@pytest.mark.long
 def test_error_over_the_whole_way_is_a_few_percent() -> None:
     ends = [np.linalg.norm(_errors(seed, 15.6, VioScenario())[-1]) for seed in range(12)]
     assert 0.005 < np.median(ends) / 15.6 < 0.06

@@ -17,6 +17,7 @@ from tests.unit.companion.study.dask_processes import connected, dask_processes
 from tests.unit.companion.study.trial_cases import CASES, SEED, Case, trial, wanted
 
 
+@pytest.mark.long
 def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
     """Two worker processes; one is killed after both have computed, with most trials still to come."""
     cases = [Case(case.size, str(tmp_path), 0.05) for case in CASES]
