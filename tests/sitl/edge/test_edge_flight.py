@@ -81,7 +81,7 @@ async def test_a_whole_flight(autopilot: MavsdkAutopilot, px4: Px4Process) -> No
     await autopilot.land()
     assert autopilot.state().mode is FlightMode.LAND
     landed = await asyncio.to_thread(px4.wait_until, lambda report: not report.armed, 15.0)
-    assert landed.landed and landed.mode == "HOLD" and landed.largest_gap_s < 0.15
+    assert landed.landed and landed.mode == "HOLD" and landed.largest_gap_s < 0.5
     assert landed.timesync_answers > 0 and landed.peer_heartbeats > 0
 
 

@@ -40,7 +40,7 @@ async def test_fault_50_a_page_killed_stopped_or_besieged_costs_the_flight_nothi
     await _seen(port, lambda view: view["introduced"] and _page_pid(flying) != pid)
     last = await flying.px4()
     status = await flying.status()
-    assert status["streaming"] and status["state"] in IN_OFFBOARD
+    assert status["streaming"] and status["state"] in IN_OFFBOARD, (status["state"], status["reason"])
     assert last.mode == "OFFBOARD" and last.setpoints > first.setpoints
     assert last.largest_gap_s < 0.5
 
