@@ -24,7 +24,7 @@ from companion.sim.stage import Stage, set_stage
 from csi_bridge.records import SUBCARRIERS
 from tests.faults import virtual_flight
 from tests.faults.test_long_mission import _Worker
-from tests.faults.virtual_flight import VirtualFlight
+from tests.faults.virtual_flight import VirtualFlight, noted_setpoints
 from wsr.aperture import Aperture
 
 _SECOND: Final = 3
@@ -70,14 +70,7 @@ class _TwoRobots(VirtualFlight):
         self.is_second_heard = True
         give = self.uav.node.samples.give  # power falls with the distance
         self.uav.node.samples.give = lambda one: give(replace(one, power_dbm=self._power(one.peer)))  # type: ignore[method-assign,assignment]
-        self.setpoints: list[Setpoint] = []
-        send = self.uav.autopilot.send_setpoint
-
-        def note(setpoint: Setpoint) -> None:
-            self.setpoints.append(setpoint)
-            send(setpoint)
-
-        monkeypatch.setattr(self.uav.autopilot, "send_setpoint", note)
+        self.setpoints = noted_setpoints(self, monkeypatch)
 
     async def tick(self) -> None:
         if self.is_second_heard:

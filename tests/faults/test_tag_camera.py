@@ -14,14 +14,14 @@ import pytest
 
 from companion.camera.sighting import Tag, TagFrame
 from companion.config.tag_camera import PeerTag, TagCameraConfig
-from companion.core.messages import Setpoint, Vector3
+from companion.core.messages import Vector3
 from companion.guidance.camera_target import Doubt
 from companion.mission.table import State
 from companion.sensing.worker_wire import AoaResult
 from companion.sim.stage import Stage, set_stage
 from tests.faults import virtual_flight
 from tests.faults.test_long_mission import _Worker
-from tests.faults.virtual_flight import VirtualFlight
+from tests.faults.virtual_flight import VirtualFlight, noted_setpoints
 from wsr.aperture import Aperture
 
 _ROBOT_M: Final[Vector3] = (6.0, 0.0, 0.5)
@@ -59,14 +59,7 @@ class _WithCamera(VirtualFlight):
         self.sees = False
         self.shown: Callable[[Tag], Tag] = lambda tag: tag
         self.stands_m = _ROBOT_M
-        self.setpoints: list[Setpoint] = []
-        send = self.uav.autopilot.send_setpoint
-
-        def note(setpoint: Setpoint) -> None:
-            self.setpoints.append(setpoint)
-            send(setpoint)
-
-        monkeypatch.setattr(self.uav.autopilot, "send_setpoint", note)
+        self.setpoints = noted_setpoints(self, monkeypatch)
 
     async def tick(self) -> None:
         if self.sees and self._ticks % _EVERY == 0:

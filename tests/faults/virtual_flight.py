@@ -15,7 +15,7 @@ import pytest
 from companion.autopilot import mavsdk_edge
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
-from companion.core.messages import Pose, Vector3, VehicleState
+from companion.core.messages import Pose, Setpoint, Vector3, VehicleState
 from companion.log.recorder import McapRecorder
 from companion.mission.table import State
 from companion.radio.card import ANTENNAS, ChannelSample
@@ -162,3 +162,16 @@ class VirtualFlight:
             ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, csi=csi, power_dbm=-50.0)
         )
         self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
+
+
+def noted_setpoints(flight: VirtualFlight, monkeypatch: pytest.MonkeyPatch) -> list[Setpoint]:
+    """Every set point that leaves from now on, as it leaves."""
+    noted: list[Setpoint] = []
+    send = flight.uav.autopilot.send_setpoint
+
+    def note(setpoint: Setpoint) -> None:
+        noted.append(setpoint)
+        send(setpoint)
+
+    monkeypatch.setattr(flight.uav.autopilot, "send_setpoint", note)
+    return noted

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +30,12 @@ _AFTER_S: Final = 0.3
 def replayed(session: Session) -> ReplayResult:
     with Player(session, session.config(), exact=True) as player:
         return replay_log(player, session, None)
+
+
+def replayed_as(kind: type[Session], path: Path) -> ReplayResult:
+    """Of a log whose messages or configuration this kind of session changes."""
+    session = open_session(path)
+    return replayed(kind(**{one.name: getattr(session, one.name) for one in fields(session)}))
 
 
 def moved(session: Session, result: ReplayResult) -> list[StreamCheck]:

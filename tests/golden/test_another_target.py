@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -13,10 +12,9 @@ import pytest
 from companion.config.schema import Config, Peer
 from companion.core.inputs import Event, Wish
 from companion.core.streams import MISSION, SETPOINT, TICK, WISH
-from companion.log.reader import LoggedMessage, Session, open_session
-from companion.replay.player import INPUT_TOPICS, Player
-from companion.replay.result import ReplayResult, replay_log
-from tests.golden.golden_logs import GOLDEN
+from companion.log.reader import LoggedMessage, Session
+from companion.replay.player import INPUT_TOPICS
+from tests.golden.golden_logs import GOLDEN, replayed_as
 
 _SECOND = 9
 
@@ -44,17 +42,10 @@ class _Changed(Session):
             yield dataclasses.replace(message, sequence=message.sequence + shift)
 
 
-def _replayed(path: Path) -> ReplayResult:
-    session = open_session(path)
-    changed = _Changed(**{one.name: getattr(session, one.name) for one in dataclasses.fields(session)})
-    with Player(changed, changed.config(), exact=True) as player:
-        return replay_log(player, changed, None)
-
-
 @pytest.mark.long
 def test_a_change_of_target_is_replayed_to_the_byte_and_makes_no_step() -> None:
     (path,) = GOLDEN
-    first, second = _replayed(path), _replayed(path)
+    first, second = replayed_as(_Changed, path), replayed_as(_Changed, path)
     assert first.as_json() == second.as_json()
     steps = [msgspec.json.decode(one.data) for one in first.decided if one.stream is MISSION]
     named = next(k for k, one in enumerate(steps) if one["event"] == "retarget")

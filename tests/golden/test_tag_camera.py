@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -17,10 +16,9 @@ from companion.config.schema import Config
 from companion.config.tag_camera import PeerTag, TagCameraConfig
 from companion.core.messages import VehicleState, pose_of
 from companion.core.streams import POSE_IN, PROFILE, SETPOINT, TAG, TAG_PLACE, VEHICLE
-from companion.log.reader import LoggedMessage, Session, open_session
-from companion.replay.player import INPUT_TOPICS, Player
-from companion.replay.result import ReplayResult, replay_log
-from tests.golden.golden_logs import GOLDEN
+from companion.log.reader import LoggedMessage, Session
+from companion.replay.player import INPUT_TOPICS
+from tests.golden.golden_logs import GOLDEN, replayed_as
 from tests.unit.companion.camera.tags import TAG as SEEN
 from wsr.geometry import quaternion_conjugate, rotate
 
@@ -65,17 +63,10 @@ class _Changed(Session):
             )  # fmt: skip
 
 
-def _replayed(path: Path) -> ReplayResult:
-    session = open_session(path)
-    changed = _Changed(**{one.name: getattr(session, one.name) for one in dataclasses.fields(session)})
-    with Player(changed, changed.config(), exact=True) as player:
-        return replay_log(player, changed, None)
-
-
 @pytest.mark.long
 def test_what_the_camera_saw_is_replayed_to_the_byte() -> None:
     (path,) = GOLDEN
-    first, second = _replayed(path), _replayed(path)
+    first, second = replayed_as(_Changed, path), replayed_as(_Changed, path)
     seen = [[(one.event, one.data) for one in replay.decided if one.stream is TAG_PLACE] for replay in (first, second)]
     assert seen[0] == seen[1]
     places = [msgspec.json.decode(data) for _, data in seen[0]]
