@@ -35,6 +35,8 @@ def origins(config: Config, text: str) -> Iterator[ValueOrigin]:
 
 def _derived(config: Config, key: str) -> tuple[Any, str]:
     """What an absent value means, where that is another one's consequence."""
+    if key == "pose.drift":
+        return config.pose_drift, f"of source {config.pose.source}"
     if key == "pose.lost_s":
         return config.pose_lost_s, "without GPS" if config.flies_by_poses else "with GPS"
     if key == "mission.target" and config.peers:

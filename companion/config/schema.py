@@ -100,6 +100,8 @@ class PoseConfig:
     min_confidence: Annotated[int, Meta(ge=1, le=3)] = 2
     """An aperture with poses below this tracker confidence (T265: 1 low, 2 medium, 3 high) is dropped."""
     min_rate_hz: Annotated[float, Meta(ge=1, le=1000)] = 20.0
+    drift: Annotated[float, Meta(ge=0, le=0.5)] | None = None
+    """Share of the way by which poses drift off along each axis; when absent 0.025, a T265's, or 0.002 of `natnet`."""
     lost_s: Annotated[float, Meta(ge=0.05, le=60)] | None = None
     """After so long without poses the vehicle lands; when absent 8 with GPS, 3 without. A T265 needs up to 7 s to come
     back by itself; without GPS PX4 flies on for no more than 4.6 s, and then lands blind."""
@@ -371,6 +373,13 @@ class Config:
     def flies_by_poses(self) -> bool:
         """Whether our poses are all that the autopilot's position is made of."""
         return self.autopilot is not None and not self.autopilot.gps
+
+    @property
+    def pose_drift(self) -> float:
+        """As `pose.drift` says, or what its source is known for."""
+        if self.pose.drift is not None:
+            return self.pose.drift
+        return 0.002 if self.pose.source == "natnet" else 0.025
 
     @property
     def pose_lost_s(self) -> float:

@@ -13,7 +13,7 @@ from companion.core.inputs import Event
 from companion.core.messages import FlightMode
 
 _log = logging.getLogger(__name__)
-_WARM_UP_S = 1.0  # PX4 wants a running stream before it lets anybody into OFFBOARD
+WARM_UP_S = 1.0  # PX4 wants a running stream before it lets anybody into OFFBOARD
 _LEAVE_S = 0.5
 _POSITION_S = 0.5
 _DISARMS_S = 15.0
@@ -66,7 +66,7 @@ class FlightCommands:
             await self._autopilot.arm()
 
     async def enter_offboard(self) -> None:
-        await self._clock.sleep_until_ns(self._clock.now_ns() + round(_WARM_UP_S * NS_PER_S))
+        await self._clock.sleep_until_ns(self._clock.now_ns() + round(WARM_UP_S * NS_PER_S))
         await self._autopilot.request_offboard()
 
     async def hold(self) -> None:

@@ -19,6 +19,7 @@ from companion.flight.course import Course
 from companion.flight.limits import gate_limits
 from companion.flight.local_frame import LocalFrame
 from companion.flight.records import target_report
+from companion.guidance.detour import Detour
 from companion.guidance.ground import above_horizon
 from companion.guidance.steering import Aim
 from companion.guidance.targets import Targets
@@ -66,11 +67,13 @@ class Knowledge:
             arrival_range_m=config.mission.arrival_range_m,
             arrival_confidence=config.mission.arrival_confidence,
             limits=gate_limits(config),
+            drift=config.pose_drift,
         )
         self.camera: CameraLead | None = None
         """Where one is configured."""
         if config.tag_camera.enabled:
             self.camera = CameraLead(config, clock, recorder, neighbours, self.targets.found)
+        self._detour = Detour(gate_limits(config))
         self._packet_ns: dict[int, int] = {}
         self._packets = 0
         self._blind_legs = 0.0
@@ -98,6 +101,7 @@ class Knowledge:
             return
         self._target = peer
         self.targets.select(peer)
+        self._detour.begin_anew()
         if self.camera is not None:
             self.camera.begin_anew()
         self._packets, self._blind_legs, self._tries = 0, 0.0, 0
@@ -109,7 +113,7 @@ class Knowledge:
         if p_m is None:
             return None
         seen = None if self.camera is None else self.camera.aim(self._target, p_m)
-        return seen or self.targets.aim(p_m)
+        return seen or self._detour.aim(p_m) or self.targets.aim(p_m)
 
     def is_near(self, p_m: Vector3) -> bool:
         """At each tick: whether the target is within the range of arrival of a place, by who leads."""
@@ -138,10 +142,15 @@ class Knowledge:
         """At each tick: where the vehicle is."""
         if self.camera is not None:
             self.camera.follow(vehicle)
+        if vehicle.p_local_enu_m is None or not self._sar.is_measuring:
+            self._detour.begin_anew()
+        else:
+            self._detour.follow(self._clock.now_ns(), vehicle.p_local_enu_m, self.targets.place())
 
     def shift(self, delta_enu_m: Vector3) -> None:
         """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
         self.targets.shift(delta_enu_m)
+        self._detour.begin_anew()
         if self.camera is not None:
             self.camera.shift(delta_enu_m)
 

@@ -26,7 +26,7 @@ _LEAST_CIRCLE_M: Final = 0.8
 azimuth."""
 _SURE_WEAVE: Final = 0.3
 """The share of the weave that is left while the direction is sure."""
-_NEAR_WEAVE: Final = 0.7
+_NEAR_WEAVE: Final = 0.5
 """What is left from near: there a range must show, which takes an aperture that is deep in all directions."""
 _NEAR_M: Final = (6.0, 3.0)
 """From afar to near."""

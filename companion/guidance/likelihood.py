@@ -18,8 +18,9 @@ from wsr.geometry import direction
 
 Floats = npt.NDArray[np.float64]
 
-_CURVATURE_STD_PER_M: Final = 0.1
-"""Of 1 / range: over an aperture of 1.2 m a drift of the poses bends the wave front too,"""
+_CURVATURE_STD_PER_M: Final = 0.09
+_BENT_PER_M: Final = 1.7
+"""Of 1 / range: over an aperture of 1.2 m a drift of the poses bends the wave front too, times its share of the way,"""
 _CURVATURE_SCALE: Final = 3.0
 """the more the flatter the aperture is, which a range's own deviation tells: so many times that is added."""
 _RANGE_TRUSTED: Final = 0.8
@@ -47,20 +48,24 @@ def elsewhere(bearing: Bearing, before: Floats) -> float:
     return _AGAIN * float(again) + (1.0 - _AGAIN) * anywhere
 
 
-def likelihoods(bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float) -> Floats:
+def likelihoods(
+    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float, drift: float
+) -> Floats:
     """(K, N) in each kind of room for targets seen at `azimuth`, `polar` and `range_m` (N,) each, per steradian;
-    `elsewhere` is the density of the reported path where it is not the target's."""
+    `elsewhere` is the density of the reported path where it is not the target's. Poses drift by a share `drift` of the
+    way."""
     range_m = np.maximum(range_m, _LEAST_M)
-    return np.stack([_likelihood(bearing, azimuth, polar, range_m, elsewhere, regime) for regime in REGIMES])
+    return np.stack([_likelihood(bearing, azimuth, polar, range_m, elsewhere, drift, regime) for regime in REGIMES])
 
 
 def _likelihood(
-    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float, regime: Regime
+    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float, drift: float, regime: Regime
 ) -> Floats:
     sine = np.sin(polar)
-    # At the pole an azimuth means nothing: what it says across shrinks with the sine.
-    across_std = np.hypot(sine * bearing.azimuth_std_rad, regime.across_std_rad)
-    down_std = math.hypot(bearing.polar_std_rad, regime.down_std_rad)
+    # A drift shears the path, and with it the direction, by as much. At the pole an azimuth means nothing: what it says
+    # across shrinks with the sine.
+    across_std = np.hypot(sine * bearing.azimuth_std_rad, math.hypot(regime.across_std_rad, drift))
+    down_std = math.hypot(bearing.polar_std_rad, regime.down_std_rad, drift)
 
     def seen(azimuth_rad: float, polar_rad: float) -> Floats:
         across = azimuth_rad - azimuth
@@ -74,7 +79,7 @@ def _likelihood(
     afar = np.clip((range_m - _NEAR_M) / (_FAR_M - _NEAR_M), 0.0, 1.0)
     near, far, more = regime.reported
     reported = np.minimum(near + (far - near) * afar + more * bearing.reliability, _SUREST)
-    total = reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, regime)
+    total = reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, drift, regime)
     power = sum(path.relative_power for path in bearing.others)
     missed = 1.0 - reported
     if power > 0.0:
@@ -88,13 +93,15 @@ def _likelihood(
     return np.asarray(told * total)
 
 
-def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, regime: Regime) -> Floats:
+def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, regime: Regime) -> Floats:
     """(N,) of the range of the reported path, per 1/m, or of there being none."""
     near, far = regime.unseen
     unseen = near + (far - near) * afar
     if bearing.range_m is None:
         return np.asarray(unseen)
-    std = math.hypot(_CURVATURE_STD_PER_M, _CURVATURE_SCALE * bearing.range_std_m / bearing.range_m**2)
+    std = math.hypot(
+        _CURVATURE_STD_PER_M, _BENT_PER_M * drift, _CURVATURE_SCALE * bearing.range_std_m / bearing.range_m**2
+    )
     misfit = (1.0 / bearing.range_m - 1.0 / range_m) / std
     good = np.exp(-0.5 * misfit**2) / (std * math.sqrt(math.tau))
     return np.asarray((1.0 - unseen) * (_RANGE_TRUSTED * good + (1.0 - _RANGE_TRUSTED) / _MOST_CURVATURE_PER_M))

@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Regime(NamedTuple):
-    """One kind of room. Deviations are beside a bearing's own, which knows noise alone."""
+    """One kind of room. Deviations are beside a bearing's own, which knows noise alone, and what poses drift by."""
 
     prior: float
     across_std_rad: float
@@ -41,9 +41,9 @@ class Regime(NamedTuple):
 
 KIND: Final = Regime(
     prior=0.4,
-    across_std_rad=math.radians(3.5),
-    down_std_rad=math.radians(4.0),
-    elevation_std_rad=math.radians(4.0),
+    across_std_rad=math.radians(2.2),
+    down_std_rad=math.radians(2.7),
+    elevation_std_rad=math.radians(3.0),
     reported=(0.93, 0.9, 0.06),
     others=0.1,
     unseen=(0.12, 0.62),
@@ -61,7 +61,7 @@ ECHOING: Final = Regime(
     others=0.2,
     unseen=(0.2, 0.7),
     reliability=0.25,
-    counted=1.0,
+    counted=0.8,
     heard=0.8,
 )
 """Strong walls, or poses that drift."""

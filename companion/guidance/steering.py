@@ -14,7 +14,7 @@ _RADIAL_PER_S: Final = 0.9
 _HEIGHT_PER_S: Final = 0.5
 _FENCE_MARGIN_M: Final = 0.6
 _FENCE_PER_S: Final = 0.5
-_LEAD_RAD: Final = (math.radians(15.0), math.radians(35.0))
+_LEAD_RAD: Final = (math.radians(10.0), math.radians(28.0))
 """How far beside the target the vehicle flies while its range is not known at all, from afar and from near: bearings
 from one line of flight do not cross. From near the way round costs little and turns the bearing fast."""
 _LEAD_M: Final = (7.0, 3.5)

@@ -25,7 +25,7 @@ _SURE: Final = 0.75
 """A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = 0.4
+_CONFIRMED: Final = 0.25
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
 
 
@@ -40,9 +40,12 @@ class Targets:
         arrival_range_m: float,
         arrival_confidence: float,
         limits: GateLimits,
+        drift: float = 0.025,
     ) -> None:
+        """`drift` is the share of the way by which poses part from the truth."""
+        self._drift = drift
         self._reach = Reach(limits, _BEYOND * arrival_range_m)
-        self._inside = TargetTracker(self._reach)
+        self._inside = TargetTracker(self._reach, drift)
         """What bearings of the target say on condition that it can be flown to."""
         self._instead: Target | None = None
         """The likeliest source on that condition, where the likeliest of all cannot be flown to."""
@@ -61,7 +64,7 @@ class Targets:
         self._trackers.clear()
         self._near = self._new = 0.0
         self._nearer_m = self._instead = None
-        self._inside = TargetTracker(self._reach)
+        self._inside = TargetTracker(self._reach, self._drift)
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -76,7 +79,7 @@ class Targets:
 
     def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
         """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""
-        tracker = self._trackers.setdefault(peer, TargetTracker())
+        tracker = self._trackers.setdefault(peer, TargetTracker(drift=self._drift))
         found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
             self._nearer_m = tracker.nearer_source()
@@ -95,12 +98,16 @@ class Targets:
         self._near = self._new = 0.0
         tracker = self._trackers.get(peer)
         self._nearer_m = None if tracker is None else tracker.nearer_source()
-        self._inside = TargetTracker(self._reach) if tracker is None else tracker.on_condition(self._reach)
+        self._inside = TargetTracker(self._reach, self._drift) if tracker is None else tracker.on_condition(self._reach)
         self._instead = None
 
     @property
     def target(self) -> Target | None:
         return self._found.get(self._target)
+
+    def place(self) -> Vector3 | None:
+        """Where the target is thought to be now; None while that is not known."""
+        return None if self.target is None else self._place(self._target)
 
     def found(self, peer: int) -> Target | None:
         """What is known of a robot; None before its first bearing."""

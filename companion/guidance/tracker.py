@@ -24,6 +24,7 @@ from companion.guidance.loudness import Loudness
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
+from companion.sensing.frame_turn import DRIFT_ALIKE_M
 from companion.sensing.records import Bearing
 from wsr.geometry import direction
 
@@ -31,7 +32,7 @@ _Floats = npt.NDArray[np.float64]
 _Bools = npt.NDArray[np.bool_]
 _PARTICLES: Final = 1500
 _RESAMPLE_BELOW: Final = 0.8
-_BORN: Final = 0.02
+_BORN: Final = 0.015
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
 _NEWBORN: Final = 0.3
 """How likely they are, of the average particle."""
@@ -41,13 +42,7 @@ _REACH_M: Final = (0.5, 40.0)
 """Targets are looked for within: radio does not reach much farther indoors."""
 _SPREAD_RAD: Final = math.radians(7.0)
 _TWIN_RAD: Final = math.radians(0.4)
-_DRIFT: Final = 0.03
-"""Of the way both robots have gone: by so much their poses part from the truth."""
-_DRIFT_ALIKE_M: Final = 5.0
-"""Over so much of a way it is the same drift."""
 _WALK_M_SQRT_S: Final = 0.02
-_HEADING_STD_RAD: Final = math.radians(9.0)
-"""By how much the bearings of one flight are turned together: the tracker's North is known no better."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
 _CROSSING: Final = 0.6
@@ -71,10 +66,11 @@ _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
-    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None) -> None:
+    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None, drift: float = 0.025) -> None:
         """`allowed` says of places (N, 3) in the local frame whether the target may be there, for a belief on that
-        condition."""
+        condition; `drift` by which share of the way of both robots their poses part from the truth."""
         self._allowed = allowed
+        self._drift = drift
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
         self._heading_rad = np.zeros(0)
@@ -110,6 +106,7 @@ class TargetTracker:
             self._weigh(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
+            self._turn(self._newest, bearing)
             self._weigh(bearing, ground_m)
             self._listen(bearing)
             self._bear(bearing, ground_m)
@@ -239,7 +236,7 @@ class TargetTracker:
             near = near * np.exp(-0.5 * ((polar - down) / _SPREAD_RAD) ** 2) / (_SPREAD_RAD * math.sqrt(math.tau))
             near = near / np.maximum(np.sin(polar), 0.1)
         # As bearings show the place, turned by what all of them are off.
-        self._heading_rad[which] = heading = self._rng.normal(0.0, _HEADING_STD_RAD, count)
+        self._heading_rad[which] = heading = self._rng.normal(0.0, bearing.turn.std_rad, count)
         self._elevation_rad[which] = elevation = drawn_elevation(self._rng, count)
         azimuth, polar = azimuth - heading, np.clip(polar - elevation, 0.0, math.pi)
         units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
@@ -274,8 +271,15 @@ class TargetTracker:
         elapsed_s = max(0.0, bearing.t_mono_ns - before.t_mono_ns) / 1e9
         gone_m = math.dist(before.p_local_enu_m, bearing.p_local_enu_m)
         gone_m += math.dist(before.target_p_enu_m, bearing.target_p_enu_m)
-        std_m = math.hypot(_DRIFT * math.sqrt(_DRIFT_ALIKE_M * gone_m), _WALK_M_SQRT_S * math.sqrt(elapsed_s))
+        std_m = math.hypot(self._drift * math.sqrt(DRIFT_ALIKE_M * gone_m), _WALK_M_SQRT_S * math.sqrt(elapsed_s))
         self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
+
+    def _turn(self, before: Bearing, bearing: Bearing) -> None:
+        """Bearings are turned by what the flight has shown of North; what particles hold of the rest of it follows."""
+        old_std, std = before.turn.std_rad, bearing.turn.std_rad
+        old = self._heading_rad
+        self._heading_rad = old + (bearing.turn.yaw_rad - before.turn.yaw_rad)
+        self._log_weight = _normalised(self._log_weight + 0.5 * ((old / old_std) ** 2 - (self._heading_rad / std) ** 2))
 
     def _weigh(self, bearing: Bearing, ground_m: float) -> None:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
@@ -284,7 +288,7 @@ class TargetTracker:
         azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + self._heading_rad
         polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + self._elevation_rad, 0.0, math.pi)
         again = elsewhere(bearing, np.array([along for _, along in self._lines]))
-        found = likelihoods(bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), again)
+        found = likelihoods(bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), again, self._drift)
         self._share = changed(self._share, bearing.fresh)
         self._multiply(of_bearing(self._share, np.exp(self._log_weight), found, bearing.fresh))
         self._keep_possible(bearing, ground_m)
@@ -343,7 +347,7 @@ class TargetTracker:
         offsets_m *= np.exp(self._rng.normal(0.0, 0.03, _PARTICLES))[:, None]
         range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
         self._origins_m = here_m + offsets_m + self._rng.normal(0.0, 0.01, offsets_m.shape) * range_m
-        self._heading_rad = self._kept_to(self._heading_rad[chosen], _HEADING_STD_RAD)
+        self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)
         self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, _PARTICLES)
         self._share = self._share[:, chosen]
         self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))

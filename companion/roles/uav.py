@@ -62,6 +62,7 @@ class Uav:
             recorder=recorder,
             lookalikes=node.lookalikes,
             pose_problem=node.intake.problem_between,
+            drift=config.pose_drift,
         )
         self.flight = Flight(
             config=config,

@@ -18,6 +18,7 @@ from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import ANSWER, APERTURE, BEARING, PROFILE, WORKER
 from companion.neighbours.neighbour import Neighbour
+from companion.sensing.frame_turn import UNKNOWN, FrameTurn, frame_turn
 from companion.sensing.history import History
 from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import ApertureRecord, Iteration
@@ -30,6 +31,11 @@ _LONGEST_S = 20.0
 """A path that takes longer than this has no aperture: poses drift, and nobody wants an old bearing."""
 _FIRST: Final = 0.6
 """Of `length_m` is enough for the first apertures: a coarse bearing now is worth more than a fine one in a second."""
+
+_TURNED_NS: Final = 50 * NS_PER_S
+_TURN_STEP_NS: Final = NS_PER_S // 4
+_JUMP_M: Final = 0.4
+"""Between two ticks: an estimator that was set anew."""
 
 
 class Worker(Protocol):
@@ -56,8 +62,10 @@ class SarIterations:
         recorder: Recorder,
         lookalikes: Lookalikes,
         pose_problem: Callable[[int, int], str],
+        drift: float = 0.025,
     ) -> None:
-        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing."""
+        """`pose_problem` says why an aperture between two times cannot be trusted, or nothing. Poses drift off
+        by a share `drift` of the way."""
         self._window = window
         self._worker = worker
         self._neighbours = neighbours
@@ -66,6 +74,7 @@ class SarIterations:
         self._recorder = recorder
         self._lookalikes = lookalikes
         self._pose_problem = pose_problem
+        self._drift = drift
         self._local = History(_LOCAL_CAPACITY, 3)
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
         self._begun_ns: int | None = None
@@ -190,6 +199,23 @@ class SarIterations:
             estimate=result.estimate,
             refusal=report.refusal or result.refusal,
             informativeness=result.informativeness,
+            turn=self._turn(report.end_ns),
+        )
+
+    def _turn(self, end_ns: int) -> FrameTurn:
+        """What the flight so far shows, since it is measured or the autopilot's position last jumped."""
+        if self._begun_ns is None:
+            return UNKNOWN
+        t_ns, local_m = self._local.between(max(self._begun_ns, end_ns - _TURNED_NS), end_ns)
+        if len(t_ns) < 2:
+            return UNKNOWN
+        jumps = np.flatnonzero(np.linalg.norm(np.diff(local_m, axis=0), axis=1) > _JUMP_M)
+        first = int(jumps[-1]) + 1 if len(jumps) else 0
+        at_ns = np.arange(t_ns[first], min(end_ns, t_ns[-1]) + 1, _TURN_STEP_NS)
+        return frame_turn(
+            self._window.body_at(at_ns)[:, :2],
+            np.stack([np.interp(at_ns, t_ns, local_m[:, axis]) for axis in range(2)], axis=1),
+            self._drift,
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:

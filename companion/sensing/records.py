@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
+from companion.sensing.frame_turn import UNKNOWN, FrameTurn
 from wsr.aoa import AoaEstimate
 from wsr.crb.informativeness import Informativeness
 from wsr.directions import Peak
@@ -42,6 +43,8 @@ class Iteration:
     refusal: str
     informativeness: Informativeness | None = None
     """Of this leg's aperture; None for a refusal."""
+    turn: FrameTurn = UNKNOWN
+    """From the axes of the estimate, the pose source's, to the local frame's."""
 
     def bearing(self) -> Bearing | None:
         """What the tracker takes; None where nothing can steer."""
@@ -50,10 +53,11 @@ class Iteration:
             return None
         if not estimate.azimuth_observable:
             return None
+        turn = self.turn
         return Bearing(
             t_mono_ns=self.reference_ns,
             p_local_enu_m=self.p_local_enu_m,
-            azimuth_rad=estimate.azimuth_rad,
+            azimuth_rad=estimate.azimuth_rad + turn.yaw_rad,
             polar_rad=estimate.polar_rad,
             azimuth_std_rad=estimate.azimuth_std_rad,
             polar_std_rad=estimate.polar_std_rad if estimate.polar_observable else math.inf,
@@ -62,7 +66,8 @@ class Iteration:
             reliability=estimate.reliability,
             range_m=estimate.range_m,
             range_std_m=estimate.range_std_m,
-            others=estimate.paths[1:],
+            others=tuple(replace(path, azimuth_rad=path.azimuth_rad + turn.yaw_rad) for path in estimate.paths[1:]),
+            turn=turn,
             fresh=self.fresh,
             power_dbm=self.power_dbm,
         )
@@ -111,6 +116,8 @@ class Bearing:
     range_std_m: float = math.inf
     others: tuple[Peak, ...] = ()
     """Other paths the aperture found."""
+    turn: FrameTurn = UNKNOWN
+    """By which all directions were turned into the local frame."""
     fresh: float = 1.0
     """The share of its packets that no bearing before had."""
     power_dbm: float = math.nan

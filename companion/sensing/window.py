@@ -137,6 +137,14 @@ class SarWindow:
             heard[on] = _Heard(sample)
         heard[on].add(sample)
 
+    def body_at(self, t_ns: Times) -> npt.NDArray[np.float64]:
+        """Where the pose source had our body (N, 3) at rising times (N,), in its own frame; as at its first and last
+        pose before and after them."""
+        pose_ns, rows = self._poses.between(int(t_ns[0]), int(t_ns[-1])) if len(t_ns) else self._poses.between(0, 0)
+        if not len(pose_ns):
+            return np.zeros((len(t_ns), 3))
+        return np.stack([np.interp(t_ns, pose_ns, rows[:, axis]) for axis in range(3)], axis=1)
+
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         """Length of the antenna's path, sampled at 20 Hz so that pose jitter does not count as motion."""
         return float(self._path(start_ns, end_ns)[1].sum())

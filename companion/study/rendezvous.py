@@ -15,6 +15,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from companion.config.schema import PingConfig
+from companion.flight.commands import WARM_UP_S
 from companion.sim.scenario import RadioScenario, VioScenario
 from companion.sim.scenes import FLOWN, scene_names, set_in
 from companion.study import rendezvous_figures
@@ -50,7 +51,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     limits = config().mission
     start_m = (LEVER_M[0], LEVER_M[1], limits.takeoff_height_m + LEVER_M[2])
     straight_s = straight_flight_s(
-        world, start_m, BEACON_LEVER_M, RENDEZVOUS_M, limits.speed_m_s, limits.acceleration_m_s2
+        world, start_m, BEACON_LEVER_M, RENDEZVOUS_M, limits.speed_m_s, limits.acceleration_m_s2, WARM_UP_S
     )
     result = fly(world, own, MAX_TIME_S)
     return MissionRow(

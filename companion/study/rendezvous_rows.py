@@ -44,7 +44,8 @@ class MissionRow:
     time_s: float
     """To the end."""
     straight_s: float
-    """What straight flight takes to within 2 m that knows where the robot is, at the same speed and acceleration."""
+    """What straight flight takes to within 2 m that knows where the robot is, at the same speed and acceleration; from
+    engaging too, so with the second of set points before OFFBOARD."""
     end: str
     """State in which the mission ended, or was in when its time was over."""
     closest_m: float

@@ -20,9 +20,10 @@ def straight_flight_s(
     near_m: float,
     speed_m_s: float,
     acceleration_m_s2: float,
+    begins_s: float = 0.0,
 ) -> float:
-    """From rest at `start_m` until `near_m` from the beacon's antenna, always straight at it, within the limits;
-    infinite where that takes ten minutes or more."""
+    """From rest at `start_m`, where it stays for `begins_s`, until `near_m` from the beacon's antenna, always straight
+    at it, within the limits; infinite where that takes ten minutes or more."""
     drive = BeaconDrive(scenario)
     at_m, flown_s = start_m, 0.0
     while flown_s < _LIMIT_S:
@@ -33,6 +34,6 @@ def straight_flight_s(
             return flown_s
         drive.watch(flown_s, left_m, math.hypot(at_m[0] - start_m[0], at_m[1] - start_m[1]))
         flown_s += _STEP_S
-        share = min(speed_m_s, acceleration_m_s2 * flown_s) * _STEP_S / left_m
+        share = min(speed_m_s, acceleration_m_s2 * max(0.0, flown_s - begins_s)) * _STEP_S / left_m
         at_m = (at_m[0] + share * (x - at_m[0]), at_m[1] + share * (y - at_m[1]), at_m[2] + share * (z - at_m[2]))
     return math.inf

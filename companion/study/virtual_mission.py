@@ -143,7 +143,10 @@ class _World:
 
     def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
         settings = config()
-        settings = replace(settings, gate=fence_in(scenario.radio, settings.gate))
+        # Who knows of a worse camera than a T265 says so.
+        drift = max(settings.pose_drift, scenario.vio.bias_std)
+        gate, pose = fence_in(scenario.radio, settings.gate), replace(settings.pose, drift=drift)
+        settings = replace(settings, gate=gate, pose=pose)
         self._clock = clock
         self._room = scenario.radio
         self._iterations: list[tuple[Iteration, Target | None]] = []
@@ -181,6 +184,7 @@ class _World:
             recorder=recorder,
             lookalikes=Lookalikes({BEACON_ID: "beacon"}),
             pose_problem=self._intake.problem_between,
+            drift=settings.pose_drift,
         )
         self.flight = Flight(
             config=settings,

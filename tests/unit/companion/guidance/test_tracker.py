@@ -73,7 +73,7 @@ def test_a_flight_straight_at_the_target_is_near_only_when_it_is(seed: int) -> N
         found = tracker.add(bearing_to(target, place, 3.5 * leg, turned=(a, p)), 0.0)
         if math.dist(target, place) > 2.5:
             assert tracker.within(tuple(place), (0.0, 0.0, 0.0), 2.0) < 0.9, f"near at {14 - 0.85 * leg:.1f} m"
-        assert leg < 3 or abs(found.azimuth_rad) < math.radians(20)  # twice what North may be off
+        assert leg < 3 or abs(found.azimuth_rad) < math.radians(25)  # what North may be off, and images
     for turn in range(8):  # around it: now it is near, and that is seen
         place = target + np.array([1.2 * math.cos(turn), 1.2 * math.sin(turn), 0.8])
         # From one level a robot on the ground, and elevations that are all off, look like one below it.
@@ -122,14 +122,18 @@ def test_two_sources_that_are_seen_in_turn_both_live_on() -> None:
 
 
 def test_packets_that_counted_before_do_not_count_again() -> None:
-    target = np.array([6.0, 3.0, 0.5])
-    once, often = TargetTracker(), TargetTracker()
-    for y in range(4):
-        seen = bearing_to(target, np.array([0.0, float(y), 1.5]), 3 * y)
-        alone = once.add(seen)
-        for _ in range(5):
-            again = often.add(replace(seen, fresh=0.2))
-    assert 0.7 < again.range_std_m / alone.range_std_m < 2.0
+    """On the average over places: one belief is a draw of particles."""
+    ratios = []
+    for east_m in np.linspace(4.0, 8.0, 9):
+        target = np.array([east_m, 3.0, 0.5])
+        once, often = TargetTracker(), TargetTracker()
+        for y in range(4):
+            seen = bearing_to(target, np.array([0.0, float(y), 1.5]), 3 * y)
+            alone = once.add(seen)
+            for _ in range(5):
+                again = often.add(replace(seen, fresh=0.2))
+        ratios.append(again.range_std_m / alone.range_std_m)
+    assert 0.7 < np.exp(np.mean(np.log(ratios))) < 1.7, ratios
 
 
 def test_a_target_that_drives_across_is_not_taken_for_near() -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
+
 from companion.config.schema import ApertureConfig
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
@@ -18,8 +22,8 @@ from wsr.channel import wavelength_m
 _SPEED_M_S = 0.5
 
 
-def _iterations(until_s: float) -> list[Iteration]:
-    """Of a straight flight past a neighbour that nobody hears."""
+def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = math.inf) -> list[Iteration]:
+    """Of a straight flight past a neighbour that nobody hears; the autopilot's frame is turned against the poses."""
     clock = ManualClock(NS_PER_S)
     window = SarWindow((0.0, 0.0, 0.0), wavelength_m(108), 80, 0.05)
     config = ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3)
@@ -42,6 +46,9 @@ def _iterations(until_s: float) -> list[Iteration]:
         now_ns = clock.now_ns()
         gone_m = _SPEED_M_S * (now_ns - begun_ns) / NS_PER_S
         window.add_pose(Pose(now_ns, (gone_m, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (_SPEED_M_S, 0.0, 0.0), 3))
+        jumped_m = 8.0 if now_ns - begun_ns > jumps_at_s * NS_PER_S else 0.0
+        along = gone_m * math.cos(turned_rad), gone_m * math.sin(turned_rad) + jumped_m
+        sar.add_local_position(now_ns, (*along, 1.0))
         sar.slide(now_ns)
     return found
 
@@ -55,3 +62,16 @@ def test_the_first_aperture_is_shorter_than_those_that_follow() -> None:
 
 def test_nothing_is_cut_from_less() -> None:
     assert _iterations(1.6) == []
+
+
+def test_a_flight_shows_how_its_poses_are_turned() -> None:
+    found = _iterations(20.0, turned_rad=0.2)
+    assert 0.0 < found[0].turn.yaw_rad < 0.2
+    assert found[-1].turn.yaw_rad == pytest.approx(0.2, abs=0.02)
+    assert found[-1].turn.std_rad < 0.5 * found[0].turn.std_rad
+
+
+def test_what_the_path_showed_before_the_autopilots_position_jumped_counts_no_more() -> None:
+    found = _iterations(20.0, turned_rad=0.2, jumps_at_s=12.0)
+    assert all(one.turn.yaw_rad < 0.21 for one in found)
+    assert found[-1].turn.yaw_rad == pytest.approx(0.2, abs=0.04)
