@@ -23,7 +23,6 @@ _BENT_PER_M: Final = 1.7
 """Of 1 / range: over an aperture of 1.2 m a drift of the poses bends the wave front too, times its share of the way,"""
 _CURVATURE_SCALE: Final = 3.0
 """the more the flatter the aperture is, which a range's own deviation tells: so many times that is added."""
-_RANGE_TRUSTED: Final = 0.8
 _MOST_CURVATURE_PER_M: Final = 2.0
 """Of a range that is not trusted, or another source's, 1 / range is anything up to here."""
 _NEAR_M, _FAR_M = 2.5, 6.0
@@ -104,7 +103,7 @@ def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, regim
     )
     misfit = (1.0 / bearing.range_m - 1.0 / range_m) / std
     good = np.exp(-0.5 * misfit**2) / (std * math.sqrt(math.tau))
-    return np.asarray((1.0 - unseen) * (_RANGE_TRUSTED * good + (1.0 - _RANGE_TRUSTED) / _MOST_CURVATURE_PER_M))
+    return np.asarray((1.0 - unseen) * (regime.trusted * good + (1.0 - regime.trusted) / _MOST_CURVATURE_PER_M))
 
 
 def _ranged_afar(bearing: Bearing, regime: Regime) -> float:

@@ -31,6 +31,8 @@ class Regime(NamedTuple):
     """That one of all other paths together is."""
     unseen: tuple[float, float]
     """How often no range shows: from near, and from afar."""
+    trusted: float
+    """Share of the ranges that are the source's. Echoes bend the wave front too."""
     reliability: float
     """Mean of the bearings' own."""
     counted: float
@@ -47,6 +49,7 @@ KIND: Final = Regime(
     reported=(0.93, 0.9, 0.06),
     others=0.1,
     unseen=(0.12, 0.62),
+    trusted=0.8,
     reliability=0.45,
     counted=1.0,
     heard=1.0,
@@ -60,6 +63,7 @@ ECHOING: Final = Regime(
     reported=(0.85, 0.7, 0.2),
     others=0.2,
     unseen=(0.2, 0.7),
+    trusted=0.5,
     reliability=0.25,
     counted=0.8,
     heard=0.8,
@@ -73,6 +77,7 @@ HARD: Final = Regime(
     reported=(0.8, 0.3, 0.4),
     others=0.3,
     unseen=(0.75, 0.95),
+    trusted=0.5,
     reliability=0.07,
     counted=0.7,
     heard=0.4,
