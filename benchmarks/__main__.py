@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.estimates import EstimateTimes, estimate_times, worker_memory_mb
 from benchmarks.idle import IdleCost, idle_cost
 from benchmarks.informativeness import InformativenessTimes, informativeness_times
-from benchmarks.intake import crowds, line, plot, throughput
+from benchmarks.intake import crowd, crowds, line, plot, throughput
 from benchmarks.page import PageCost, page_cost
 from benchmarks.profiles import ProfileRow, atom_profile_s, grid_times_s, profile_rows
 from benchmarks.recorder import RecorderCost, recorder_cost, replay_factor
@@ -24,6 +24,7 @@ COUNTS = (400, 880, 2000, 5000)
 GRID_ROWS = (30, 60, 90, 180, 360)
 _GRID_PACKETS = 880
 _ATOM_PACKETS = 2000
+_WIDE_ROBOTS = 4
 _GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "approach.mcap"
 
 
@@ -49,10 +50,12 @@ def main(
         f"{speed.datagram_us:.0f} us a neighbour's datagram"
     )
     click.echo(f"live path of an AX card at 80 MHz, two chains: {speed.live_80mhz_us:.0f} us a record")
-    for crowd in crowds(intake_seconds, curve_seconds):
-        click.echo(line(crowd))
-        heard.append(crowd)
-    intake = {**asdict(speed), "crowds": [asdict(crowd) for crowd in heard]}
+    wide = crowd(_WIDE_ROBOTS, curve_seconds, at_80mhz=True)
+    click.echo(line(wide, "robots with AX cards at 80 MHz"))
+    for one in crowds(intake_seconds, curve_seconds):
+        click.echo(line(one))
+        heard.append(one)
+    intake = {**asdict(speed), "crowd_80mhz": asdict(wide), "crowds": [asdict(one) for one in heard]}
     if out is not None:
         plot(heard[1:], out)
     if intake_only:

@@ -20,9 +20,10 @@ from benchmarks.timing import best_s
 from companion.config.schema import Config, CsiConfig, NeighbourConfig
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.neighbours import wire
+from companion.neighbours.bands import band_of, grid_of
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
-from companion.neighbours.sender import NeighbourSender
+from companion.neighbours.sender import BYTES_PER_S, NeighbourSender
 from companion.radio.card import Radio
 from companion.replay.recorded import RecordedCsi, ReplayClock
 from companion.sensing.window import SarWindow
@@ -30,10 +31,12 @@ from csi_bridge.dat import read_dat
 from csi_bridge.encoder import encode_body, encode_file_record
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.message import decode_event, encode_event
+from csi_bridge.feitcsi.netlink import VendorEventFeeder, VendorEventSource, vendor_events_available
 from csi_bridge.feitcsi.rate import Rate
-from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, FeitRecord
+from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES, TICKS_PER_US, FeitRecord
 from csi_bridge.netlink import NetlinkFeeder, NetlinkSource, connector_available
 from csi_bridge.records import CSI_CODE, CsiRecord
+from csi_bridge.replay import Feeder
 from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixFeeder, UnixSource
 
@@ -43,6 +46,8 @@ _RECORDS = 50_000
 _DATAGRAMS = 500
 CURVE = (5, 10, 20, 40, 60, 80, 120, 160)
 _KEY = bytes(32)
+_WIDE_BYTES_S = 12_000
+"""Room for every channel of 80 MHz at this rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,24 +99,36 @@ def live_80mhz_us() -> float:
     return 1e6 * best_s(lambda: _take_all([(FEITCSI_CODE, decode_event(event)) for event in events])) / len(events)
 
 
-def crowd(neighbours: int, seconds: float) -> Crowd:
-    """A process of its own sends; this one is the service's intake, and its CPU time is counted."""
+def crowd(neighbours: int, seconds: float, at_80mhz: bool = False) -> Crowd:
+    """A process of its own sends, packets of a 5300 or of an AX card; this one is the service's intake, and its CPU
+    time is counted."""
     context = multiprocessing.get_context("spawn")
     ready, done = context.Event(), context.Event()
     with tempfile.TemporaryDirectory() as folder:
         port = _free_port()
-        source: CsiSource = (
-            NetlinkSource(CONNECTOR, False, 4 << 20)
-            if connector_available(CONNECTOR) is None
-            else UnixSource(Path(folder) / "csi", 4 << 20)
-        )
-        sender = context.Process(target=_send, args=(neighbours, seconds, port, folder, ready, done))
+        source = _source(Path(folder) / "csi", at_80mhz)
+        arguments = (neighbours, seconds, port, folder, at_80mhz, ready, done)
+        sender = context.Process(target=_send, args=arguments)
         sender.start()
         try:
             return asyncio.run(_take(neighbours, seconds, port, source, ready, done))
         finally:
             sender.join()
             source.close()
+
+
+def _source(path: Path, at_80mhz: bool) -> CsiSource:
+    if at_80mhz and vendor_events_available(CONNECTOR) is None:
+        return VendorEventSource(None, False, 4 << 20, CONNECTOR)
+    if not at_80mhz and connector_available(CONNECTOR) is None:
+        return NetlinkSource(CONNECTOR, False, 4 << 20)
+    return UnixSource(path, 4 << 20)
+
+
+def _feeder(path: Path, at_80mhz: bool) -> Feeder:
+    if at_80mhz:
+        return VendorEventFeeder(CONNECTOR) if vendor_events_available(CONNECTOR + 1) is None else UnixFeeder(path)
+    return NetlinkFeeder(CONNECTOR) if connector_available(CONNECTOR) is None else UnixFeeder(path)
 
 
 async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, ready: Event, done: Event) -> Crowd:
@@ -136,7 +153,11 @@ async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, r
     loop.add_reader(link.fileno(), drain)
     await asyncio.to_thread(ready.wait)
     used_s, start_s = time.process_time(), time.monotonic()
-    await asyncio.to_thread(done.wait)
+    waiting = asyncio.create_task(asyncio.to_thread(done.wait))
+    while not waiting.done():
+        await asyncio.wait([waiting], timeout=1.0)
+        for neighbour in receiver.neighbours.values():
+            neighbour.relate_uncounted(clock.now_ns())
     await asyncio.sleep(0.3)
     used_s, wall_s = time.process_time() - used_s, time.monotonic() - start_s
     loop.remove_reader(source.fileno())
@@ -150,16 +171,26 @@ async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, r
     )  # fmt: skip
 
 
-def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event, done: Event) -> None:
+def _send(neighbours: int, seconds: float, port: int, folder: str, at_80mhz: bool, ready: Event, done: Event) -> None:
     """Everything is made beforehand, so that sending takes as little of the machine as it can."""
-    feeder = NetlinkFeeder(CONNECTOR) if connector_available(CONNECTOR) is None else UnixFeeder(Path(folder) / "csi")
+    feeder = _feeder(Path(folder) / "csi", at_80mhz)
     senders = [
-        NeighbourSender(role=wire.Role.BEACON, own_id=i, key=_KEY, pose_rate_hz=50, boot_id=1 << 32 | i)
+        NeighbourSender(
+            role=wire.Role.BEACON,
+            own_id=i,
+            key=_KEY,
+            pose_rate_hz=50,
+            boot_id=1 << 32 | i,
+            budget_bytes_s=_WIDE_BYTES_S if at_80mhz else BYTES_PER_S,
+        )
         for i in range(2, 2 + neighbours)
     ]
     slots = round(seconds * RATE_HZ)
-    bodies = [encode_body(_record(0, i)) for i in range(neighbours)]
-    csi = np.full(30, 20 + 5j, np.complex64)
+    band = band_of(_report(0, 0).rate) if at_80mhz else 0
+    bodies = [encode_record(_report(0, i)) if at_80mhz else encode_body(_record(0, i)) for i in range(neighbours)]
+    rng = np.random.default_rng(1)
+    parts = 100 * rng.normal(size=(2, grid_of(band).size)) if at_80mhz else np.tile([[20.0], [5.0]], 30)
+    csi = (parts[0] + 1j * parts[1]).astype(np.complex64)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         ready.set()
@@ -170,10 +201,16 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, ready: Event,
                 time.sleep(left_ns / NS_PER_S)
             stamp_us = (due_ns // 1000) & 0xFFFFFFFF
             for i, body in enumerate(bodies):
-                count = (slot * neighbours + i) & 0xFFFF
-                head = stamp_us.to_bytes(4, "little") + count.to_bytes(2, "little")
-                feeder.send(CSI_CODE, head + body[6:34] + slot.to_bytes(4, "little") + body[38:])
-                senders[i].add_channel(slot, due_ns - 300_000, stamp_us, csi, -50.0, 0)
+                ticks = stamp_us * TICKS_PER_US & 0xFFFFFFFF
+                if at_80mhz:
+                    head = body[:8] + ticks.to_bytes(4, "little") + body[12:88] + stamp_us.to_bytes(4, "little")
+                    feeder.send(FEITCSI_CODE, head + body[92:])
+                else:
+                    count = (slot * neighbours + i) & 0xFFFF
+                    head = stamp_us.to_bytes(4, "little") + count.to_bytes(2, "little")
+                    feeder.send(CSI_CODE, head + body[6:34] + slot.to_bytes(4, "little") + body[38:])
+                frame = None if at_80mhz else slot
+                senders[i].add_channel(frame, due_ns - 300_000, stamp_us, csi, -50.0, 0, band, ticks)
                 if slot % 3 == 0:
                     senders[i].add_pose(due_ns, (0.0, 0.0, 0.0), 3)
                 # Each has its own phase: ten datagrams a second, not all at once.
@@ -265,9 +302,9 @@ def crowds(seconds: float, curve_seconds: float) -> Iterator[Crowd]:
             return
 
 
-def line(row: Crowd) -> str:
+def line(row: Crowd, of: str = "neighbours") -> str:
     return (
-        f"{row.neighbours:>4} neighbours, {row.seconds:g} s: {row.packets_lost} of {row.packets} packets and "
+        f"{row.neighbours:>4} {of}, {row.seconds:g} s: {row.packets_lost} of {row.packets} packets and "
         f"{row.datagrams_lost} of {row.datagrams} datagrams lost, {100 * row.share_of_a_core:.0f} % of a core"
     )
 

@@ -7,6 +7,9 @@ check_and_send_ack reads it, which are bytes 0-3 of the body; the driver stores 
 
 That driver answers frames of one length only, check sum included, and so tells whom a frame is for. It sends back the
 frame with its own MAC in address 3, one byte longer than it came, which nobody answers.
+
+An AX card's driver answers nothing and reports address 2: there it is the sender's own, and address 3 names who is to
+answer. Its frames go out as VHT over 20 to 160 MHz, the widest that radiotap can ask a Linux driver for.
 """
 
 from __future__ import annotations
@@ -30,6 +33,10 @@ _RADIOTAP: Final = struct.Struct("<BBHIBxHBBB")
 _PRESENT: Final = 1 << 1 | 1 << 15 | 1 << 19  # flags, TX flags, MCS
 _NO_ACK: Final = 0x0008
 _MCS_KNOWN: Final = 0x01 | 0x02 | 0x04  # bandwidth, index, guard interval: 20 MHz, long
+_VHT_RADIOTAP: Final = struct.Struct("<BBHIBxHHBB4BBBH")
+_VHT_PRESENT: Final = 1 << 1 | 1 << 15 | 1 << 21  # flags, TX flags, VHT
+_VHT_KNOWN: Final = 0x04 | 0x40  # guard interval, bandwidth
+_VHT_BANDWIDTHS: Final = {20: 0, 40: 1, 80: 4, 160: 11}
 _CAPTURE_BYTES: Final = 4096
 
 
@@ -44,6 +51,8 @@ class Ping:
     mac: bytes
     counter: int
     length: int
+    to: bytes | None = None
+    """Who is to answer, among AX cards."""
 
 
 def radiotap(mcs: int) -> bytes:
@@ -51,21 +60,33 @@ def radiotap(mcs: int) -> bytes:
     return _RADIOTAP.pack(0, 0, _RADIOTAP.size, _PRESENT, 0, _NO_ACK, _MCS_KNOWN, 0, mcs)
 
 
-def ping_frame(mac: bytes, counter: int, length: int) -> bytes:
-    """The frame without its check sum, which the card appends; `length` is that on the air, with it.
+def vht_radiotap(mcs: int, width_mhz: int) -> bytes:
+    """The same at a VHT rate of one stream over 20, 40, 80 or 160 MHz (IEEE80211_RADIOTAP_VHT)."""
+    streams = (mcs << 4 | 1, 0, 0, 0)
+    return _VHT_RADIOTAP.pack(
+        0, 0, _VHT_RADIOTAP.size, _VHT_PRESENT, 0, _NO_ACK,
+        _VHT_KNOWN, 0, _VHT_BANDWIDTHS[width_mhz], *streams, 0, 0, 0,
+    )  # fmt: skip
+
+
+def ping_frame(mac: bytes, counter: int, length: int, to: bytes | None = None) -> bytes:
+    """The frame without its check sum, which the card appends; `length` is that on the air, with it. With `to` it is
+    one of an AX card.
 
     The rest of the body counts up from the counter, so that no two frames in a row are alike.
     """
     body = length - CHECK_SUM_BYTES - COUNTER_OFFSET
     if body < 4:
         raise ValueError(f"length {length} leaves no room for the counter, expected at least {MIN_LENGTH}")
-    head = _HEADER.pack(_DATA_FRAME, _DURATION, CARD_ADDRESS, CARD_ADDRESS, mac, 0)
+    transmitter, third = (CARD_ADDRESS, mac) if to is None else (mac, to)
+    head = _HEADER.pack(_DATA_FRAME, _DURATION, CARD_ADDRESS, transmitter, third, 0)
     return head + struct.pack(">I", counter & 0xFFFFFFFF) + bytes((counter + i) & 255 for i in range(body - 4))
 
 
 def echo_frame(ping: Ping, mac: bytes, length: int) -> bytes:
-    """The answer to a ping as the driver would send it: same counter, our MAC, one byte longer."""
-    return ping_frame(mac, ping.counter, length + 1 + CHECK_SUM_BYTES)
+    """The answer to a ping as the driver would send it: same counter, our MAC, one byte longer; among AX cards to who
+    sent it."""
+    return ping_frame(mac, ping.counter, length + 1 + CHECK_SUM_BYTES, None if ping.to is None else ping.mac)
 
 
 def parse_capture(data: bytes) -> Ping | None:
@@ -76,18 +97,21 @@ def parse_capture(data: bytes) -> Ping | None:
     frame = data[start:]
     if data[0] != 0 or start < 8 or len(frame) < COUNTER_OFFSET + 4:
         return None
-    control, _, receiver, transmitter, mac, _ = _HEADER.unpack_from(frame)
-    if control != _DATA_FRAME or receiver != CARD_ADDRESS or transmitter != CARD_ADDRESS:
+    control, _, receiver, transmitter, third, _ = _HEADER.unpack_from(frame)
+    if control != _DATA_FRAME or receiver != CARD_ADDRESS:
         return None
-    return Ping(mac, int.from_bytes(frame[COUNTER_OFFSET : COUNTER_OFFSET + 4], "big"), len(frame) - _trailer(data))
+    mac, to = (third, None) if transmitter == CARD_ADDRESS else (transmitter, third)
+    counter = int.from_bytes(frame[COUNTER_OFFSET : COUNTER_OFFSET + 4], "big")
+    return Ping(mac, counter, len(frame) - _trailer(data), to)
 
 
 class Injector:
-    """A raw socket on a monitor interface. Raises InjectorError when it cannot be had."""
+    """A raw socket on a monitor interface, which sends at an HT rate or, with a width, a VHT one. Raises InjectorError
+    when it cannot be had."""
 
-    def __init__(self, interface: str, mcs: int) -> None:
+    def __init__(self, interface: str, mcs: int, vht_mhz: int | None = None) -> None:
         self._interface = interface
-        self._radiotap = radiotap(mcs)
+        self._radiotap = radiotap(mcs) if vht_mhz is None else vht_radiotap(mcs, vht_mhz)
         try:
             self._socket = socket.socket(
                 socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.htons(_ETH_P_ALL)

@@ -14,6 +14,7 @@ from typing import Final
 from companion.config.motions import MIN_VIO_HZ, range_errors, rate_errors, speed_errors
 from companion.config.places import lever_errors, path_errors
 from companion.config.schema import Config
+from wsr.channel import WIDTHS_MHZ, wide_channel
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:[1-9]\d{{2,7}})$")
@@ -101,6 +102,17 @@ def _rates(config: Config) -> Iterator[str]:
         )
     if config.ping.enabled and config.csi.interface is None:
         yield "ping.enabled: needs csi.interface, the card's monitor interface"
+
+
+def _width(config: Config) -> Iterator[str]:
+    csi = config.csi
+    if csi.source == "netlink" and csi.width_mhz != WIDTHS_MHZ[0]:
+        yield f"csi.width_mhz: {csi.width_mhz}; expected 20 of an Intel 5300 (csi.source: netlink)"
+        return
+    try:
+        wide_channel(csi.channel, csi.width_mhz)
+    except ValueError as error:
+        yield f"csi.width_mhz: {error}"
 
 
 def _ids(config: Config) -> Iterator[str]:
@@ -230,6 +242,7 @@ _RULES: Final[tuple[Callable[[Config], Iterator[str]], ...]] = (
     _network,
     _keys,
     _rates,
+    _width,
     _ids,
     _fence_and_weave,
     _url,

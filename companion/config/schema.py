@@ -60,6 +60,8 @@ class CsiConfig:
     """The card's monitor interface, for example mon0: pings are sent there, `doctor radio` looks at it, and `nl80211`
     asks for its reports."""
     receive_buffer_bytes: Annotated[int, Meta(ge=65536, le=1 << 30)] = 4 << 20
+    width_mhz: Literal[20, 40, 80, 160] = 20
+    """Of the band with `channel` in it that an AX card is set to, and what it sends. An Intel 5300's: 20."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,7 @@ class PingConfig:
     rate_hz: Annotated[float, Meta(ge=60, le=200)] = 120.0
     """Of all pings together."""
     mcs: Annotated[int, Meta(ge=0, le=7)] = 1
-    """HT rate of one stream, 20 MHz."""
+    """HT rate of one stream over 20 MHz; of an AX card (`csi.source: nl80211`) VHT over csi.width_mhz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from companion.config.schema import Config
+from companion.config.schema import Config, CsiConfig
 from companion.core.clock import MonotonicClock
 from companion.errors import CompanionError
 from companion.radio.card import ChannelSample, Radio
-from companion.radio.nl80211 import channel_mhz
+from companion.radio.nl80211 import Tuned, tuned
 from companion.radio.opening import macs, open_csi
 from companion.radio.pinger import MONITOR
 from csi_bridge.netlink import ConnectorProbe, connector_available
-from wsr.channel import channel_frequency_hz
+from wsr.channel import channel_frequency_hz, wide_channel
 
 _LOG_CSI: Final = 0x01
 _MIN_RATE_HZ: Final = 40.0
@@ -133,21 +133,42 @@ def _interface(config: Config, system: System) -> Iterator[Check]:
         "" if kind == MONITOR else f"ip link set {name} down; iw dev {name} set type monitor; ip link set {name} up",
     )  # fmt: skip
     yield Check("interface up", state != "down", state, "" if state != "down" else f"ip link set {name} up")
-    yield _channel(config, name)
+    yield from _channel(config, name)
 
 
-def _channel(config: Config, name: str) -> Check:
-    wanted = round(channel_frequency_hz(config.csi.channel) / 1e6)
+def channel_words(csi: CsiConfig) -> tuple[str, str]:
+    """Number and width of the channel as `iw dev NAME set channel` takes them."""
+    width = {20: "HT20", 80: "80MHz", 160: "160MHz"}.get(csi.width_mhz)
+    if width is None:
+        width = "HT40+" if wide_channel(csi.channel, csi.width_mhz) > csi.channel else "HT40-"
+    return str(csi.channel), width
+
+
+def _channel(config: Config, name: str) -> Iterator[Check]:
+    csi = config.csi
+    wanted, remedy = round(channel_frequency_hz(csi.channel) / 1e6), f"iw dev {name} set channel "
+    remedy += " ".join(channel_words(csi))
     try:
-        found = channel_mhz(name)
+        found = tuned(name)
     except OSError as error:
-        return Check("channel", None, f"cannot be asked: {error.strerror or error}", f"iw dev {name} info")
+        yield Check("channel", None, f"cannot be asked: {error.strerror or error}", f"iw dev {name} info")
+        return
+    yield from tuned_checks(csi, wanted, found, remedy)
+
+
+def tuned_checks(csi: CsiConfig, wanted_mhz: int, found: Tuned | None, remedy: str) -> Iterator[Check]:
+    """What the interface is set to against what the configuration wants."""
     if found is None:
-        return Check("channel", False, "none is set", f"iw dev {name} set channel {config.csi.channel} HT20")
-    return Check(
-        "channel", found == wanted, f"{found} MHz, csi.channel {config.csi.channel} is {wanted} MHz",
-        "" if found == wanted else f"iw dev {name} set channel {config.csi.channel} HT20",
-    )  # fmt: skip
+        yield Check("channel", False, "none is set", remedy)
+        return
+    ok = found.primary_mhz == wanted_mhz
+    told = f"{found.primary_mhz} MHz, csi.channel {csi.channel} is {wanted_mhz} MHz"
+    yield Check("channel", ok, told, "" if ok else remedy)
+    if found.width_mhz is None:
+        yield Check("channel width", None, "the kernel does not say", f"iw dev {csi.interface} info")
+        return
+    ok = found.width_mhz == csi.width_mhz
+    yield Check("channel width", ok, f"{found.width_mhz} MHz, csi.width_mhz is {csi.width_mhz}", "" if ok else remedy)
 
 
 def _heard(

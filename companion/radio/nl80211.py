@@ -1,65 +1,55 @@
-"""The channel of a wireless interface, asked of the kernel by generic netlink (linux/nl80211.h, linux/genetlink.h)."""
+"""The channel of a wireless interface, asked of the kernel by generic netlink (linux/nl80211.h)."""
 
 from __future__ import annotations
 
 import errno
+import os
 import socket
-import struct
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
-_NETLINK_GENERIC: Final = 16
-_GENL_ID_CTRL: Final = 0x10
-_CTRL_CMD_GETFAMILY: Final = 3
-_CTRL_ATTR_FAMILY_ID: Final = 1
-_CTRL_ATTR_FAMILY_NAME: Final = 2
-_NL80211_CMD_GET_INTERFACE: Final = 5
-_NL80211_ATTR_IFINDEX: Final = 3
-_NL80211_ATTR_WIPHY_FREQ: Final = 38
-_NLM_F_REQUEST: Final = 1
-_NLMSG_ERROR: Final = 2
-_HEADER: Final = struct.Struct("<IHHII")
-_GENERIC: Final = struct.Struct("<BBH")
-_ATTRIBUTE: Final = struct.Struct("<HH")
+from csi_bridge.generic_netlink import NETLINK_GENERIC, attribute, attributes, decode_message, family_number, request
+from csi_bridge.records import CsiError
+
+_GET_INTERFACE: Final = 5
+_IFINDEX, _WIPHY_FREQ, _CHANNEL_WIDTH = 3, 38, 159
+_WIDTHS_MHZ: Final = (20, 20, 40, 80, 160, 160, 5, 10)
+"""By nl80211_chan_width: 20 without and with HT, 40, 80, 80+80, 160, 5, 10."""
 _TIMEOUT_S: Final = 1.0
 
 
-def channel_mhz(interface: str) -> int | None:
-    """Centre of the primary channel, None where none is set. Raises OSError: no such interface, or not wireless."""
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What an interface is set to."""
+
+    primary_mhz: int
+    """Centre of the primary 20 MHz."""
+    width_mhz: int | None
+    """None where the kernel does not say, or a width that has no name here."""
+
+
+def tuned(interface: str) -> Tuned | None:
+    """None where no channel is set. Raises OSError: no such interface, or not wireless."""
     index = socket.if_nametoindex(interface)
-    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, _NETLINK_GENERIC) as opened:
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, NETLINK_GENERIC) as opened:
         opened.settimeout(_TIMEOUT_S)
-        name = _attribute(_CTRL_ATTR_FAMILY_NAME, b"nl80211\0")
-        family = dict(_ask(opened, _GENL_ID_CTRL, _CTRL_CMD_GETFAMILY, name))
-        number = struct.unpack("<H", family[_CTRL_ATTR_FAMILY_ID][:2])[0]
-        wanted = _attribute(_NL80211_ATTR_IFINDEX, struct.pack("<I", index))
-        found = dict(_ask(opened, number, _NL80211_CMD_GET_INTERFACE, wanted))
-    value = found.get(_NL80211_ATTR_WIPHY_FREQ)
-    return None if value is None else int.from_bytes(value[:4], "little")
+        try:
+            family = family_number(opened, "nl80211")
+            answer = request(opened, family, _GET_INTERFACE, attribute(_IFINDEX, index.to_bytes(4, "little")))
+            return of_attributes(dict(attributes(decode_message(answer)[2])))
+        except CsiError:
+            raise OSError(errno.EPROTO, os.strerror(errno.EPROTO)) from None
+        except OSError as error:
+            if error.errno in (errno.ENODEV, errno.ENOENT):
+                raise OSError(error.errno, "not a wireless interface") from None
+            raise
 
 
-def _ask(opened: socket.socket, family: int, command: int, attributes: bytes) -> Iterator[tuple[int, bytes]]:
-    body = _GENERIC.pack(command, 1, 0) + attributes
-    opened.sendto(_HEADER.pack(_HEADER.size + len(body), family, _NLM_F_REQUEST, 1, 0) + body, (0, 0))
-    data = opened.recv(65536)
-    size, kind, *_ = _HEADER.unpack_from(data)
-    if kind == _NLMSG_ERROR:
-        code = -struct.unpack_from("<i", data, _HEADER.size)[0]
-        reason = "not a wireless interface" if code in (errno.ENODEV, errno.ENOENT) else "refused"
-        raise OSError(code, reason)
-    yield from _attributes(data[_HEADER.size + _GENERIC.size : size])
-
-
-def _attributes(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = 0
-    while at + _ATTRIBUTE.size <= len(data):
-        size, kind = _ATTRIBUTE.unpack_from(data, at)
-        if size < _ATTRIBUTE.size:
-            return
-        yield kind & 0x3FFF, data[at + _ATTRIBUTE.size : at + size]
-        at += (size + 3) // 4 * 4
-
-
-def _attribute(kind: int, value: bytes) -> bytes:
-    size = _ATTRIBUTE.size + len(value)
-    return _ATTRIBUTE.pack(size, kind) + value + bytes(-size % 4)
+def of_attributes(found: Mapping[int, memoryview]) -> Tuned | None:
+    """From the attributes of the kernel's answer."""
+    if _WIPHY_FREQ not in found:
+        return None
+    number = int.from_bytes(found[_CHANNEL_WIDTH][:4], "little") if _CHANNEL_WIDTH in found else len(_WIDTHS_MHZ)
+    width_mhz = _WIDTHS_MHZ[number] if number < len(_WIDTHS_MHZ) else None
+    return Tuned(int.from_bytes(found[_WIPHY_FREQ][:4], "little"), width_mhz)

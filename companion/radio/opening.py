@@ -27,4 +27,9 @@ def open_csi(config: Config) -> CsiSource:
 
 def macs(config: Config) -> dict[bytes, int]:
     """Id of each peer by the six bytes of its MAC."""
-    return {bytes.fromhex(peer.mac.replace(":", "")): peer.id for peer in config.peers}
+    return {mac_bytes(peer.mac): peer.id for peer in config.peers}
+
+
+def mac_bytes(mac: str) -> bytes:
+    """Of an address with colons. Raises ValueError for anything else."""
+    return bytes.fromhex(mac.replace(":", ""))

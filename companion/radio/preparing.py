@@ -14,7 +14,7 @@ from typing import Final
 
 from companion.config.schema import Config
 from companion.errors import CompanionError
-from companion.radio.checks import System
+from companion.radio.checks import System, channel_words
 from companion.radio.pinger import MONITOR
 
 _TIMEOUT_S: Final = 10
@@ -94,7 +94,7 @@ def _monitor(config: Config, name: str, phy: str, system: System) -> Iterator[Ca
         yield CardStep(("ip", "link", "set", name, "down"))
         yield CardStep(("iw", "dev", name, "set", "type", "monitor"))
     yield CardStep(("ip", "link", "set", name, "up"))
-    yield CardStep(("iw", "dev", name, "set", "channel", str(config.csi.channel), "HT20"))
+    yield CardStep(("iw", "dev", name, "set", "channel", *channel_words(config.csi)))
 
 
 def _switches(config: Config, card: Path, system: System) -> Iterator[CardStep]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import dataclasses
+import socket
 import statistics
+import struct
 import subprocess
 import sys
 import time
@@ -13,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.analysis.by_time import pair_by_card_time
 from companion.config.schema import Config, CsiConfig, NeighbourConfig, Peer, PingConfig
 from companion.core.clock import MonotonicClock
 from companion.errors import CompanionError
@@ -21,9 +24,10 @@ from companion.neighbours.link import Link
 from companion.neighbours.sender import NeighbourSender
 from companion.radio.pinger import Pinger
 from companion.radio.traffic import sent_bytes
-from csi_bridge.injector import Injector, ping_frame, radiotap
+from csi_bridge.injector import Injector, parse_capture, ping_frame, radiotap, vht_radiotap
 
 TAP = len(radiotap(1))
+_SO_TIMESTAMPNS = 35
 MAC, OTHER = bytes.fromhex("00216a5389d2"), bytes.fromhex("00216a3f175a")
 CONFIG = Config(
     role="uav",
@@ -70,9 +74,7 @@ def fields() -> None:
     print("scapy makes the same bytes" if bytes(built) == data else f"scapy makes {bytes(built).hex()}")
 
 
-def received(listener: Injector) -> list[bytes]:
-    import socket
-
+def received(listener: Injector, tap: int = TAP) -> list[bytes]:
     raw = socket.socket(fileno=socket.dup(listener.fileno()))
     raw.settimeout(2.0)
     found = []
@@ -80,7 +82,7 @@ def received(listener: Injector) -> list[bytes]:
         deadline_s = time.monotonic() + 2.0
         while time.monotonic() < deadline_s:
             found.append(raw.recv(4096))
-            if found[-1][4 + TAP : 10 + TAP] == bytes.fromhex("0016ea123456"):
+            if found[-1][4 + tap : 10 + tap] == bytes.fromhex("0016ea123456"):
                 break
     return found
 
@@ -104,6 +106,64 @@ async def echo() -> None:
                 times.append(1e3 * (time.monotonic() - start_s))
                 break
     print(f"answers {answers} of 50 median_ms {statistics.median(times):.3f}")
+
+
+def vht() -> None:
+    from scapy.layers.dot11 import Dot11, RadioTap
+
+    sender, listener = Injector("left", 3, 80), Injector("right", 1)
+    sender.send(ping_frame(MAC, 7, 57, OTHER))
+    tap = RadioTap(received(listener, len(vht_radiotap(3, 80)))[-1])
+    frame = tap[Dot11]
+    print("addresses", frame.addr1, frame.addr2, frame.addr3)
+    print(f"radiotap txflags {int(tap.TXFlags)} known {int(tap.KnownVHT):#x} bandwidth {tap.VHT_bandwidth}")
+    print(f"mcs and streams {bytes(tap)[16:20].hex()} of {tap.len} bytes")
+
+
+async def exchange() -> None:
+    """Both ends of AX cards for some seconds: who answers whom by the addresses alone, and which packets belong
+    together by the times alone, against the counters that such a card does not report."""
+    seconds = float(sys.argv[2])
+    uav = dataclasses.replace(CONFIG, csi=CsiConfig(108, "nl80211", interface="left", width_mhz=80))
+    beacon = dataclasses.replace(uav, role="beacon", id=2)
+    clock = MonotonicClock()
+    pinging = Pinger(uav, Injector("left", 1, 80), clock, MAC)
+    answering = Pinger(beacon, Injector("right", 1, 80), clock, OTHER)
+    bystander = Pinger(dataclasses.replace(beacon, id=3), Injector("right", 1, 80), clock, bytes(6))
+    loop = asyncio.get_running_loop()
+    heard: dict[bytes, list[tuple[int, int]]] = {MAC: [], OTHER: []}
+    taps = [_tap(end) for end in ("left", "right")]
+    for tap in taps:
+        loop.add_reader(tap.fileno(), _note, tap, heard)
+    for pinger in (answering, bystander):
+        loop.add_reader(pinger.fileno(), pinger.drain)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await pinging.run()
+    await asyncio.sleep(0.2)
+    ours, theirs = (np.array(heard[mac], np.float64) for mac in (OTHER, MAC))
+    i, j = pair_by_card_time(ours[:, 0] / 1e3, theirs[:, 0] / 1e3 + 38e6)
+    wrong = int(np.count_nonzero(ours[i, 1] != theirs[j, 1]))
+    late_ms = 1e-6 * (ours[i, 0] - theirs[j, 0])
+    print(
+        f"pings {len(theirs)} answered {answering.answered} others {bystander.answered} paired {len(i)} wrong {wrong}"
+    )
+    print(f"turnaround_ms median {np.median(late_ms):.3f} deviation {np.std(late_ms):.3f}")
+
+
+def _tap(interface: str) -> socket.socket:
+    """Hears what comes in at an interface, with the kernel's time of it."""
+    tap = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.htons(3))
+    tap.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    tap.bind((interface, 0))
+    return tap
+
+
+def _note(tap: socket.socket, heard: dict[bytes, list[tuple[int, int]]]) -> None:
+    data, extra, _, address = tap.recvmsg(4096, 256)
+    if address[2] != socket.PACKET_OUTGOING and (ping := parse_capture(data)) is not None:
+        seconds, nanoseconds = struct.unpack("qq", extra[0][2])
+        heard[ping.mac].append((seconds * 10**9 + nanoseconds, ping.counter))
 
 
 async def rate() -> None:
@@ -185,9 +245,11 @@ if __name__ == "__main__":
     make_pair()
     if sys.argv[1] == "fields":
         fields()
+    elif sys.argv[1] == "vht":
+        vht()
     elif sys.argv[1] == "datagrams":
         datagrams()
     elif sys.argv[1] == "addresses":
         addresses()
     else:
-        asyncio.run({"echo": echo, "rate": rate}[sys.argv[1]]())
+        asyncio.run({"echo": echo, "exchange": exchange, "rate": rate}[sys.argv[1]]())

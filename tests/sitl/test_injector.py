@@ -23,6 +23,7 @@ from csi_bridge.injector import (
     parse_capture,
     ping_frame,
     radiotap,
+    vht_radiotap,
 )
 
 MAC = bytes.fromhex("00216a5389d2")
@@ -76,6 +77,26 @@ def test_a_beacon_answers_from_user_space_with_the_same_counters() -> None:
 
 
 @needs_namespace
+def test_scapy_reads_every_field_of_an_ax_cards_ping_on_the_wire() -> None:
+    assert inside("vht").splitlines() == [
+        "addresses 00:16:ea:12:34:56 00:21:6a:53:89:d2 00:21:6a:3f:17:5a",
+        "radiotap txflags 8 known 0x44 bandwidth 4",
+        "mcs and streams 31000000 of 24 bytes",
+    ]
+
+
+@needs_namespace
+def test_ends_without_counters_answer_by_address_and_are_paired_by_their_times() -> None:
+    words = inside("exchange", "5").split()
+    pings, answered, others, paired, wrong = map(int, words[1:10:2])
+    assert words[:10:2] == ["pings", "answered", "others", "paired", "wrong"]
+    assert answered == pings > 200 and others == 0
+    # An answer that the machine holds up finds no partner; what is paired belongs together.
+    assert paired > 0.7 * pings
+    assert wrong <= 0.01 * paired
+
+
+@needs_namespace
 def test_default_pings_stay_under_ten_kilobytes_a_second_at_the_interface() -> None:
     words = inside("rate").split()
     assert words[0] == "bytes_per_s"
@@ -120,6 +141,13 @@ def test_an_answer_is_told_from_a_ping_by_its_length() -> None:
     assert answer is not None
     assert (answer.mac, answer.counter) == (OTHER, 7)
     assert answer.length == ping.length + 1
+
+
+def test_among_ax_cards_address_2_is_the_senders_and_address_3_names_who_answers() -> None:
+    ping = parse_capture(vht_radiotap(1, 160) + ping_frame(MAC, 7, 57, OTHER))
+    assert ping == Ping(MAC, 7, 53, OTHER)
+    answer = parse_capture(vht_radiotap(1, 160) + echo_frame(ping, OTHER, ping.length))
+    assert answer == Ping(OTHER, 7, 54, MAC)
 
 
 def test_anything_else_is_no_ping() -> None:

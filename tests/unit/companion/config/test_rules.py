@@ -46,6 +46,11 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
             "tak.enabled: needs a vehicle that knows where on Earth",
         ),
         (changed("ping", enabled=True), "ping.enabled: needs csi.interface"),
+        (changed("csi", source="netlink", width_mhz=80), "csi.width_mhz: 80; expected 20 of an Intel 5300"),
+        (
+            changed("csi", source="nl80211", channel=144, width_mhz=160),
+            "csi.width_mhz: channel 144 is part of no band of 160 MHz",
+        ),
         (changed("mission", target=99), "mission.target: 99 is the id of no peer"),
         (replace(UAV, id=UAV.peers[0].id), f"peers: id {UAV.peers[0].id} is this robot's own id"),
         (replace(UAV, peers=UAV.peers * 2), f"peers: id {UAV.peers[0].id} stands twice"),

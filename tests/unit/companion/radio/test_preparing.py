@@ -71,6 +71,22 @@ def test_an_ax_card_is_told_to_measure(system: System) -> None:
     assert _said(_config("nl80211"), system)[-1] == "echo 1 > DEBUG/ieee80211/phy2/iwlwifi/iwlmvm/csi_enabled"
 
 
+@pytest.mark.parametrize(
+    ("channel", "width_mhz", "words"),
+    [(108, 20, "HT20"), (108, 40, "HT40+"), (112, 40, "HT40-"), (108, 80, "80MHz"), (108, 160, "160MHz")],
+)
+def test_an_ax_card_is_set_to_its_width(
+    system: System, channel: int, width_mhz: Literal[20, 40, 80, 160], words: str
+) -> None:
+    card = system.debug / "ieee80211" / "phy2" / "iwlwifi" / "iwlmvm"
+    card.mkdir(parents=True)
+    (card / "csi_enabled").write_text("0")
+    config = _config("nl80211")
+    csi = dataclasses.replace(config.csi, channel=channel, width_mhz=width_mhz)
+    said = _said(dataclasses.replace(config, csi=csi), system)
+    assert f"iw dev mon0 set channel {channel} {words}" in said
+
+
 def test_the_robots_network_is_never_taken_down(system: System) -> None:
     with pytest.raises(CompanionError, match=r"neighbours\.interface wlan0: .* expected one of another card"):
         _said(_config(network="wlan0"), system)
