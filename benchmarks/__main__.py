@@ -124,6 +124,10 @@ def _print_estimates(times: EstimateTimes) -> None:
     )
     links = ", ".join(f"{count}: {1e3 * seconds:.0f} ms" for count, seconds in times.links_s.items())
     click.echo(f"transmitters in one iteration: {links}")
+    widths = ", ".join(f"{width} MHz {1e3 * seconds:.0f} ms" for width, seconds in times.ax_s.items())
+    click.echo(
+        f"robust estimate of an AX card's packets: {widths}; {times.ax_s[80] / times.ax_s[20]:.2f} x from 20 to 80"
+    )
 
 
 def _print_informativeness(times: InformativenessTimes) -> None:

@@ -20,6 +20,7 @@ from wsr.profile import bartlett_profile
 
 PACKETS = 880
 TRANSMITTERS = (1, 2, 4, 8, 16)
+AX_WIDTHS_MHZ = (20, 40, 80, 160)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,8 @@ class EstimateTimes:
     robust_planar_s: float
     links_s: dict[int, float]
     """Estimates of so many transmitters heard in one iteration, in sequence as the worker computes them."""
+    ax_s: dict[int, float]
+    """`robust` of an AX card's packets by their width in MHz, thinned."""
 
 
 def estimate_times() -> EstimateTimes:
@@ -47,7 +50,13 @@ def estimate_times() -> EstimateTimes:
         best_s(lambda: robust.estimate(spatial)),
         best_s(lambda: robust.estimate(planar)),
         {count: best_s(lambda count=count: heard(count), repeats=2) for count in TRANSMITTERS},  # type: ignore[misc]
+        {width: _ax_s(width) for width in AX_WIDTHS_MHZ},
     )
+
+
+def _ax_s(width_mhz: int) -> float:
+    robust, aperture = ESTIMATORS["robust"](), helix(PACKETS, ax_mhz=width_mhz)
+    return best_s(lambda: robust.estimate(aperture))
 
 
 def worker_memory_mb(iterations: int, every: int) -> Iterator[tuple[int, float]]:

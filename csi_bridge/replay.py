@@ -74,9 +74,14 @@ def read_tape(path: Path) -> Tape:
                 data += file.read()
     except OSError as error:
         raise DatFileError(f"{path}: {error.strerror}") from None
-    if is_feitcsi(data) and (log := parse_log(data, path)).records:
+    if not is_feitcsi(data):
+        return _connector_tape(path)
+    if (log := parse_log(data, path)).records:
         return _feitcsi_tape(log, data)
-    return _connector_tape(path)
+    try:
+        return _connector_tape(path)
+    except DatFileError:
+        raise DatFileError(log.without_record) from None
 
 
 def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:

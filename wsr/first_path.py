@@ -1,8 +1,8 @@
 """The path that comes first, by the delays that a wide band resolves: one value per packet instead of a spectrum.
 
-Over B Hz paths c / B apart are told by their delays, 3.9 m over 80 MHz and 1.9 m over 160. What comes later can then be
-left out before any direction is looked for: echoes bias a bearing, break the chain of signs, and hide a path that
-something stands in front of.
+Over B Hz paths c / B apart are told by their delays, 7.9 m over 40 MHz, 3.9 m over 80 and 1.9 m over 160. What comes
+later can then be left out before any direction is looked for: echoes bias a bearing, break the chain of signs, and hide
+a path that something stands in front of.
 
 1. A packet's own detection delay is random, and the centroid of its power is no fixed mark where echoes fade. So the
    packets are shifted until their impulse responses lie on each other: each to the highest correlation of its amplitude
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from wsr.ofdm import Grid
 
-LEAST_HZ = 60e6
-"""Narrower bands tell few rooms' paths apart, and what was left out by mistake would cost more than echoes do."""
+LEAST_HZ = 30e6
+"""Over 20 MHz paths lie 15 m apart before they are told, which is more than most rooms have."""
 _EARLIEST_S, _LATEST_S = -90e-9, 170e-9
 _REACH_S = 45e-9
 _STEPS_A_LOBE = 3

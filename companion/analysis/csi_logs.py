@@ -99,17 +99,19 @@ def read_content(path: Path) -> CsiContent:
         data = read_regular(path)
     except OSError as error:
         raise CompanionError(f"{path}: {error.strerror}") from None
-    is_other = foreign_format(data[:_FIRST_BYTES])
+    is_other, nothing_whole = foreign_format(data[:_FIRST_BYTES]), ""
     if is_other.startswith(_FEITCSI) or not is_other:
-        if is_feitcsi(data) and (log := parse_log(data, path)).records:
-            return _of_feitcsi(log)
+        if is_feitcsi(data):
+            if (log := parse_log(data, path)).records:
+                return _of_feitcsi(log)
+            nothing_whole = log.without_record
     elif data[2:3] not in (bytes([CSI_CODE]), bytes([MPDU_CODE])):
         # An archive may well hold records that can be found in it: the few that were not packed.
         raise CompanionError(f"{path}: no CSI log that can be read: {is_other}")
     try:
         return _of_5300(read_dat(path))
     except DatFileError as error:
-        raise CompanionError(str(error)) from None
+        raise CompanionError(nothing_whole or str(error)) from None
 
 
 def as_json(content: CsiContent) -> dict[str, object]:

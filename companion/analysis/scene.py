@@ -70,7 +70,7 @@ def missing_files(run: Run, kind: PoseKind | None, wanted: PoseKind | None) -> I
         available = ", ".join(run.trajectories) or "none"
         yield f"{run.folder}: no {kind} trajectory of {run.stamp} (available: {available})"
     if not run.tx:
-        yield f"{run.folder}: no csi_tx<n>_{run.stamp}.dat of any transmitter"
+        yield f"{run.folder}: no csi_tx<n>_{run.stamp}.dat or .csi of any transmitter"
 
 
 def second_choice(run: Run, kind: PoseKind, wanted: PoseKind | None) -> Iterator[str]:

@@ -27,6 +27,14 @@ class FeitLog:
     def __len__(self) -> int:
         return len(self.records)
 
+    @property
+    def without_record(self) -> str:
+        """What to say of a log in which nothing is whole."""
+        return (
+            f"{self.path}: a FeitCSI log without a whole record: {self.truncated_bytes} bytes of one that is cut off, "
+            f"{self.skipped_bytes} of none"
+        )
+
 
 def is_feitcsi(data: bytes) -> bool:
     """Whether a log that begins with these bytes, a thousand or more, is one of FeitCSI. Damage at the very beginning

@@ -27,7 +27,7 @@ class RobustOptions:
     delay_ns: float | None = 8.0
     """Decay of the weight for delays against the power centroid; None: no weight."""
     first_path: bool = True
-    """Over bands of 60 MHz and more only what comes first is used; `wsr.first_path`."""
+    """Over bands of 30 MHz and more only what comes first is used; `wsr.first_path`."""
     scales: tuple[int, ...] = (1, 2, 4, 8)
     """Numbers of sub-apertures whose scores are averaged; the first is 1, the whole, the last the largest."""
     reciprocity: bool = True

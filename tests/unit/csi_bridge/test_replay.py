@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from csi_bridge.dat_frames import DatFileError
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import HEADER_BYTES
 from csi_bridge.replay import Tape, play, read_tape
@@ -106,3 +107,10 @@ def test_damage_at_the_beginning_does_not_hide_an_ax_cards_log(tmp_path: Path) -
     (tmp_path / "log").write_bytes(bytes(HEADER_BYTES) + data[HEADER_BYTES:])
     tape = read_tape(tmp_path / "log")
     assert tape.is_feitcsi and len(tape.records) == 19
+
+
+def test_an_ax_cards_log_without_a_whole_record_is_named(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.csi"
+    cut.write_bytes(encode_record(record())[:272])
+    with pytest.raises(DatFileError, match=r"cut\.csi: a FeitCSI log without a whole record: 272 bytes of one"):
+        read_tape(cut)

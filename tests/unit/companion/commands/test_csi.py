@@ -94,6 +94,7 @@ def test_pictures_are_drawn_for_both_cards(tmp_path: Path) -> None:
         (b"\x00\x02\x00\x00\x15\x03\x15\x20" + bytes(200), "PicoScenes"),
         (b"\x01\x02\x03" * 50, "not a CSI log"),
         (b"", "empty file"),
+        (encode_record(feit_records.record())[:300], "a FeitCSI log without a whole record: 300 bytes of one"),
     ],
 )
 def test_files_of_other_tools_are_named_and_the_rest_is_read(tmp_path: Path, content: bytes, named: str) -> None:
