@@ -39,7 +39,7 @@ def helix(
     height = np.zeros(packets) if planar else 0.12 * np.cos(2 * np.pi * s)
     p_m = np.stack([0.9 * s, 0.12 * np.sin(2 * np.pi * s), height], axis=1)
     source = p_m.mean(axis=0) + range_m * direction(0.9, np.pi / 2 if planar else 1.8)
-    offset_hz = INDICES_5300_20MHZ * UNIT_HZ if ax_mhz is None else _ax_hz(ax_mhz)
+    offset_hz = np.asarray(INDICES_5300_20MHZ * UNIT_HZ if ax_mhz is None else _ax_hz(ax_mhz), np.float64)
     delay_s = np.linalg.norm(source - p_m, axis=1)[:, None] / _C_M_S
     channel = np.exp(-2j * np.pi * (channel_frequency_hz(CHANNEL) + offset_hz) * delay_s)
     t_s = 3.0 * s
