@@ -119,8 +119,13 @@ def test_doctor_finds_the_group_that_the_driver_really_reports_in(groups: list[i
     config = yaml.safe_load((CONFIGS / "demo-uav.yaml").read_text())
     config["csi"]["connector_idx"] = other
     (tmp_path / "uav.yaml").write_text(yaml.safe_dump(config))
-    doctor = companion("doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "3")
+    doctor = companion("doctor", "radio", "--config", tmp_path / "uav.yaml", "--seconds", "6")
     feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(idx))
+    while doctor.poll() is None:
+        if feed.poll() is not None:  # nobody listened yet
+            feed.communicate()
+            feed = companion("feed", next(RUN.glob("csi_rx*.dat")), "--connector-idx", str(idx))
+        time.sleep(0.05)
     out, _ = doctor.communicate(timeout=60)
     feed.terminate()
     feed.communicate()
