@@ -6,6 +6,8 @@ import signal
 
 from hypothesis import settings
 
+pytest_plugins = ["tests.processor"]
+
 # Machines are noisy: what takes how long is judged in benchmarks, never by a deadline on an example.
 settings.register_profile("companion", deadline=None)
 settings.load_profile("companion")

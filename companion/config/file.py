@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import math
 import types
 import typing
@@ -75,8 +76,7 @@ def _build(cls: type, data: Any, path: str, errors: list[str]) -> Any:
     if not isinstance(data, dict):
         errors.append(f"{path}: expected a mapping of keys, got {_kind(data)}")
         return None
-    fields = {f.name: f for f in dataclasses.fields(cls)}
-    hints = typing.get_type_hints(cls, include_extras=True)
+    fields, hints = _fields(cls)
     before = len(errors)
     errors += [
         f"{_join(path, str(key))}: unknown key{_suggestion(str(key), fields)}" for key in data if key not in fields
@@ -88,6 +88,12 @@ def _build(cls: type, data: Any, path: str, errors: list[str]) -> Any:
         elif spec.default is dataclasses.MISSING and spec.default_factory is dataclasses.MISSING:
             errors.append(f"{_join(path, name)}: missing; expected {_describe(hints[name])}")
     return cls(**values) if len(errors) == before else None
+
+
+@functools.cache
+def _fields(cls: type) -> tuple[dict[str, dataclasses.Field[Any]], dict[str, Any]]:
+    """The fields of a dataclass by name, and their types. Annotations are text, which is compiled here each time."""
+    return {field.name: field for field in dataclasses.fields(cls)}, typing.get_type_hints(cls, include_extras=True)
 
 
 def _convert(hint: Any, value: Any, path: str, errors: list[str]) -> Any:

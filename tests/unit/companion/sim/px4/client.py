@@ -10,18 +10,21 @@ from companion.core.clock import NS_PER_S
 from companion.sim.px4.autopilot import Px4
 from companion.sim.px4.commander import Mode
 
+_NUMBERS = {message.msgname: number for number, message in mavlink.mavlink_map.items()}
+_NUMBER = slice(7, 10)
+"""Where the number of a message stands in a MAVLink 2 frame, little-endian."""
 _STEP_NS = NS_PER_S // 100
 POSITION_VELOCITY_YAW = 64 | 128 | 256 | 2048
 OFFBOARD, HOLD, LAND = (6, 0), (4, 3), (4, 6)
 
 
 class Client:
-    """Keeps all it hears."""
+    """Keeps all it hears, and decodes what it is asked for: a flight is thousands of messages that no test looks at."""
 
     def __init__(self, **options: Any) -> None:
         self.now_ns = 6844 * NS_PER_S
         self.px4 = Px4(self.now_ns, **{"drift_m": 0.0} | options)
-        self.heard: list[Any] = []
+        self.datagrams: list[bytes] = []
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
 
     def mode(self) -> Mode:
@@ -50,9 +53,9 @@ class Client:
     def command(self, command: int, *parameters: float) -> list[int]:
         """The results of all acknowledgements."""
         padded = (*parameters, *(0.0,) * (7 - len(parameters)))
-        before = len(self.heard)
+        before = len(self.datagrams)
         self.send(self._mav.command_long_encode(1, 1, command, 0, *padded))
-        acks = [m for m in self.heard[before:] if m.get_type() == "COMMAND_ACK"]
+        acks = self.messages("COMMAND_ACK", before)
         assert all(m.command == command for m in acks)
         return [int(m.result) for m in acks]
 
@@ -70,8 +73,15 @@ class Client:
         assert self.set_mode(OFFBOARD) == [0, 0]
         self.run(0.5, stream_hz=20)
 
-    def messages(self, name: str) -> list[Any]:
-        return [m for m in self.heard if m.get_type() == name]
+    def messages(self, name: str, first: int = 0) -> list[Any]:
+        """Those of a name, from the datagram numbered `first` on."""
+        number = _NUMBERS[name].to_bytes(3, "little")
+        wanted = (data for data in self.datagrams[first:] if data[_NUMBER] == number)
+        return [m for data in wanted for m in mavlink.MAVLink(None).parse_buffer(data) or []]
+
+    def decoded(self, first: int = 0) -> list[Any]:
+        """All messages from the datagram numbered `first` on."""
+        return [m for data in self.datagrams[first:] for m in mavlink.MAVLink(None).parse_buffer(data) or []]
 
     def order(self, text: str) -> None:
         assert self.px4.order(text) is None
@@ -83,8 +93,8 @@ class Client:
         self._hear(self.px4.receive(message.pack(self._mav), self.now_ns))
 
     def _hear(self, datagrams: list[bytes]) -> None:
-        for datagram in datagrams:
-            self.heard += mavlink.MAVLink(None).parse_buffer(datagram) or []
+        assert all(data[0] == mavlink.PROTOCOL_MARKER_V2 for data in datagrams)
+        self.datagrams += datagrams
 
 
 GPS_DENIED = {

@@ -20,7 +20,7 @@ def _masks(message: Any) -> tuple[bool, bool, bool]:
 
 def _events(client: Client, since: int = 0) -> list[tuple[int, int, int]]:
     """(number, external level, modes) of each."""
-    frames = [bytes(m.data)[10:-2].ljust(53, b"\0") for m in client.heard[since:] if m.get_type() == "UNKNOWN_410"]
+    frames = [bytes(m.data)[10:-2].ljust(53, b"\0") for m in client.decoded(since) if m.get_type() == "UNKNOWN_410"]
     return [(int.from_bytes(f[:4], "little"), f[12] & 15, int.from_bytes(f[13:17], "little")) for f in frames]
 
 
@@ -57,11 +57,11 @@ def test_a_report_is_between_two_summaries_on_each_change_and_when_it_is_asked_f
     first = _events(client)
     assert first[0][0] == _SUMMARY and first[-1][0] == _HEALTH_SUMMARY and len(first) == 4, "once"
     assert (_OFFBOARD_SIGNAL, 3, 1 << 14) in first
-    before = len(client.heard)
+    before = len(client.datagrams)
     client.order("checks fail high_accel_bias")
     client.run(5.0)
     assert [number for number, _, _ in _events(client, before)].count(_ACCEL_BIAS) == 1
-    before = len(client.heard)
+    before = len(client.datagrams)
     assert client.command(mavlink.MAV_CMD_RUN_PREARM_CHECKS) == [mavlink.MAV_RESULT_ACCEPTED]
     assert (_ACCEL_BIAS, 3, 0xFFFFFFFF) in _events(client, before)
     assert not client.messages("STATUSTEXT")

@@ -85,12 +85,12 @@ def test_a_restart_forgets_intervals_and_begins_its_clock_anew() -> None:
     client.set_mode((6, 0))
     client.run(30)
     client.order("reboot 3")
-    before = len(client.heard)
+    before = len(client.datagrams)
     client.run(2.9)
-    assert len(client.heard) == before, "it says nothing while it starts"
+    assert len(client.datagrams) == before, "it says nothing while it starts"
     assert client.command(400, 1) == []
     client.run(5.1)
-    positions = [m for m in client.heard[before:] if m.get_type() == "LOCAL_POSITION_NED"]
+    positions = client.messages("LOCAL_POSITION_NED", before)
     assert len(positions) == pytest.approx(150, abs=3), "30 a second again"
     assert positions[0].time_boot_ms < 100 and client.mode() is Mode.HOLD
     assert client.px4.link.companion_clock.samples == 0
@@ -104,6 +104,6 @@ def test_another_vehicle_on_the_link_takes_what_is_addressed_to_it_alone() -> No
     client.send(mavlink.MAVLink_command_long_message(2, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
     assert client.px4.strangers[0].commander.armed and not client.px4.commander.armed
     client.order("vanish")
-    before = len(client.heard)
+    before = len(client.datagrams)
     client.run(2)
-    assert {m.get_srcSystem() for m in client.heard[before:]} == {2}
+    assert {m.get_srcSystem() for m in client.decoded(before)} == {2}
