@@ -63,6 +63,19 @@ class Offset:
         return self.uncertainty_ns <= LOCKED_NS
 
 
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """What the exchanges and datagrams say, whatever the time is: fitted once for all who ask until the next one."""
+
+    newest_ns: int
+    slope: float
+    middle: float
+    spread: float
+    beyond_ns: float
+    """By how much the worst bound is violated."""
+    round_trip_ns: int | None
+
+
 class ClockRelation:
     """`we_ping`: whether we send the pings, so that the other end hears each exchange first."""
 
@@ -73,24 +86,30 @@ class ClockRelation:
         """(arrival, sending less arrival)"""
         self._echoed: deque[tuple[int, int]] = deque(maxlen=_DATAGRAMS)
         """(our sending, their arrival less that)"""
+        self._line: _Line | None = None
+        """Fitted, until there is something new."""
 
     def clear(self) -> None:
         """The neighbour has rebooted, or the pinging robot has: nothing known holds any more."""
         self._samples.clear()
         self._sent.clear()
         self._echoed.clear()
+        self._line = None
 
     def add_exchange(self, ours_ns: int, theirs_ns: int) -> None:
         """One exchange, stamped by both."""
         self._samples.append((ours_ns, theirs_ns - ours_ns + self._turnaround_ns))
+        self._line = None
 
     def add_datagram(self, arrived_ns: int, sent_ns: int) -> None:
         """Arrival on our clock, sending on theirs: a bound, since nothing arrives before it was sent."""
         self._sent.append((arrived_ns, sent_ns - arrived_ns))
+        self._line = None
 
     def add_echo(self, sent_ns: int, arrived_ns: int) -> None:
         """One of our datagrams: sending on our clock, arrival on theirs. A bound from the other side."""
         self._echoed.append((sent_ns, arrived_ns - sent_ns))
+        self._line = None
 
     def add_uncounted(self, ours_ns: Times, theirs_ns: Times) -> int | None:
         """Times of the packets that each end heard of the other during the same few seconds, as of `card_times`.
@@ -98,6 +117,7 @@ class ClockRelation:
         lag_ns = self.lag_ns(ours_ns, theirs_ns)
         if lag_ns is not None:
             self._samples.clear()
+            self._line = None
             for ours, theirs in zip(*match(ours_ns, theirs_ns, lag_ns), strict=True):
                 self.add_exchange(int(ours_ns[ours]), int(theirs_ns[theirs]))
         return lag_ns
@@ -119,13 +139,19 @@ class ClockRelation:
         """
         if len(self._samples) < _LEAST:
             return None
+        line = self._line = self._line or self._fitted()
+        ahead_ns = now_ns - line.newest_ns
+        uncertainty = _TURNAROUND_DOUBT_NS + line.spread + _DRIFT * ahead_ns
+        uncertainty += line.beyond_ns
+        return Offset(round(line.middle + line.slope * ahead_ns), uncertainty, len(self._samples), line.round_trip_ns)
+
+    def _fitted(self) -> _Line:
         at_ns, samples = np.array(self._samples, np.int64).T
         newest_ns = int(at_ns.max())
         slope = _slope(at_ns, samples)
         level = samples - slope * (at_ns - newest_ns)
         middle = float(np.median(level))
         spread = 1.4826 * float(np.median(np.abs(level - middle)))
-        uncertainty = _TURNAROUND_DOUBT_NS + spread + _DRIFT * (now_ns - newest_ns)
         first_ns, slack = int(at_ns.min()), max(2 * _DRIFT, abs(slope))
 
         def beyond_ns(at: int, bound: int, sign: int) -> float:
@@ -136,9 +162,7 @@ class ClockRelation:
         least = [beyond_ns(at, bound, 1) for at, bound in _recent(self._sent, newest_ns)]
         most = [beyond_ns(at, bound, -1) for at, bound in _recent(self._echoed, newest_ns)]
         round_trip_ns = -round(max(least) + max(most)) if least and most else None
-        ahead = slope * (now_ns - newest_ns)
-        uncertainty += max([0.0, *least, *most])
-        return Offset(round(middle + ahead), uncertainty, len(samples), round_trip_ns)
+        return _Line(newest_ns, slope, middle, spread, max([0.0, *least, *most]), round_trip_ns)
 
 
 def _recent(bounds: Iterable[tuple[int, int]], newest_ns: int) -> list[tuple[int, int]]:
