@@ -7,6 +7,7 @@ import math
 import struct
 from typing import Any
 
+import msgspec
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
@@ -16,6 +17,7 @@ from companion.sim.px4.autopilot import Px4
 from tests.manual_clock import ManualClock
 
 _STEP_S = 0.01
+_EVENT = 410
 _WATCH_S = 0.1
 
 
@@ -38,6 +40,8 @@ class VirtualVehicle:
         self._delay_s = delay_s
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=191)
         self._parser = mavlink.MAVLink(None)
+        names = set(self.edge._telemetry.message_names)
+        self._wanted = {number for number, message in mavlink.mavlink_map.items() if message.msgname in names}
         self._to_px4: list[bytes] = []
 
     def quiet(self) -> None:
@@ -93,13 +97,17 @@ class VirtualVehicle:
             return
         self.clock.advance(self._delay_s)
         for datagram in datagrams:
+            number = int.from_bytes(datagram[7:10], "little")  # of a MAVLink 2 frame
+            if number != _EVENT and number not in self._wanted:  # as the library: nobody has subscribed to it
+                continue
             for message in self._parser.parse_buffer(datagram) or []:
                 name = message.get_type()
-                if name == "UNKNOWN_410" and message.data[5] == self.system_id:
+                if number == _EVENT and message.data[5] == self.system_id:
                     self.edge._telemetry.take("EVENT", message.data[6], json.dumps(_event(bytes(message.data))))
-                if message.get_srcSystem() == self.system_id and name in self.edge._telemetry.message_names:
-                    fields = {key: _plain(value) for key, value in message.to_dict().items()}
-                    self.edge._telemetry.take(name, message.get_srcComponent(), json.dumps(fields))
+                elif number != _EVENT and message.get_srcSystem() == self.system_id:
+                    # Like the library msgspec writes null for NaN.
+                    fields = msgspec.json.encode(message.to_dict()).decode()
+                    self.edge._telemetry.take(name, message.get_srcComponent(), fields)
 
 
 def _event(frame: bytes) -> dict[str, Any]:
@@ -118,12 +126,3 @@ def _filled(value: Any) -> Any:
     if isinstance(value, list):
         return [math.nan if item is None else item for item in value]
     return value.encode() if isinstance(value, str) else value
-
-
-def _plain(value: Any) -> Any:
-    """As the library writes it: NaN is null."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return value
