@@ -119,6 +119,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+_DRAWN: Final = ("no-head.mcap", "no-message.mcap")
+"""A damaged and an empty log, whose pictures are drawn; of the others only a name is odd."""
 _CASES: Final = [*_MAKERS, os.fsdecode(b"n\xe4me.mcap"), "n" * 300, "absent", "folder/absent/absent"]
 
 _COMMANDS: Final[dict[str, list[list[str]]]] = {
@@ -230,6 +232,8 @@ def test_what_cannot_be_read_is_told_in_words(
         pytest.skip("a whole flight again, which the golden logs replay")
     if case == "outlying.mcap" and command == "report":
         pytest.skip("a test of its own reports it, and looks at the page")
+    if command == "report" and case not in _DRAWN:
+        monkeypatch.setattr("companion.report.pictures._png", lambda figure: b"")
     code, err = call(command, *(one.format(path, out=tmp_path) for one in arguments))
     assert code in (0, 1, 2)
     assert "Traceback" not in err

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+from collections.abc import Callable
 from typing import Any
 
 import fastjsonschema
@@ -16,8 +18,13 @@ _EXAMPLES = sorted(CONFIGS.glob("*.yaml"))
 _FILE = CONFIGS / "companion.schema.json"
 
 
+@functools.cache
+def _validator() -> Callable[[Any], Any]:
+    return fastjsonschema.compile(json_schema())
+
+
 def _validate(document: Any) -> None:
-    fastjsonschema.compile(json_schema())(document)
+    _validator()(document)
 
 
 @pytest.mark.parametrize("path", _EXAMPLES, ids=lambda path: path.name)

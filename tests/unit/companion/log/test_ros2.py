@@ -35,17 +35,29 @@ def exported(companion: Run, log: Path, out: Path) -> Path:
     return out / "rosbag2"
 
 
-def by_topic(bag: Path) -> dict[str, list[Any]]:
-    """As `mcap-ros2-support` decodes them."""
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("flight") / "x"
+
+
+@pytest.fixture
+def flight_bag(companion: Run, kept: Path) -> Path:
+    """Of the golden flight, written once, for tests that only read it."""
+    return kept / "rosbag2" if kept.exists() else exported(companion, FLIGHT, kept)
+
+
+def by_topic(bag: Path, *topics: str) -> dict[str, list[Any]]:
+    """Those of `topics`, else all, as `mcap-ros2-support` decodes them."""
     found: dict[str, list[Any]] = {}
     with (bag / "rosbag2.mcap").open("rb") as file:
-        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(topics or None):
             found.setdefault(channel.topic, []).append(message)
     return found
 
 
-def test_two_readers_find_every_message_of_a_flight(companion: Run, tmp_path: Path) -> None:
-    bag = exported(companion, FLIGHT, tmp_path / "x")
+def test_two_readers_find_every_message_of_a_flight(flight_bag: Path) -> None:
+    bag = flight_bag
     session = open_session(FLIGHT)
     logged = Counter(message.topic for message in session.messages())
     messages = by_topic(bag)
@@ -101,21 +113,20 @@ def test_robots_of_a_merged_log_share_one_tree_of_frames(tmp_path: Path) -> None
     assert [one.transforms[0].child_frame_id for one in turns] == ["body", "rover/body"]
 
 
-def test_poses_are_those_of_the_log(companion: Run, tmp_path: Path) -> None:
-    bag = exported(companion, FLIGHT, tmp_path / "x")
+def test_poses_are_those_of_the_log(flight_bag: Path) -> None:
     poses = [(m, pose_of(m.data)) for m in open_session(FLIGHT).messages({POSE_IN.topic})]
-    stamped = by_topic(bag)["/pose"]
+    stamped = by_topic(flight_bag, "/pose")["/pose"]
     for (message, pose), found in zip(poses, stamped, strict=True):
         p, q, stamp = found.pose.position, found.pose.orientation, found.header.stamp
         assert (p.x, p.y, p.z) == pose.p_enu_m and (q.w, q.x, q.y, q.z) == pose.q_enu_from_body
         assert stamp.sec * 10**9 + stamp.nanosec == message.publish_time_ns
     assert stamped[0].header.frame_id == "tracker"
-    again = read_trajectory_file(Path(f"{bag}#/pose"))
+    again = read_trajectory_file(Path(f"{flight_bag}#/pose"))
     np.testing.assert_array_equal(again.p_m, [pose.p_enu_m for _, pose in poses])
 
 
-def test_a_bearing_points_along_its_angles_and_a_target_has_its_covariance(companion: Run, tmp_path: Path) -> None:
-    messages = by_topic(exported(companion, FLIGHT, tmp_path / "x"))
+def test_a_bearing_points_along_its_angles_and_a_target_has_its_covariance(flight_bag: Path) -> None:
+    messages = by_topic(flight_bag, "/bearing", "/target", "/target/marker")
     logged = [msgspec.json.decode(m.data) for m in open_session(FLIGHT).messages({BEARING.topic})]
     for record, found in zip(logged, messages["/bearing"], strict=True):
         q, estimate = found.pose.orientation, record["estimate"]
