@@ -62,11 +62,12 @@ def beacon_log(
     counters are the same, and the stamps are not."""
     with path.open("wb") as file:
         writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
+        body = encode_body(dataclasses.replace(record(), mac=_UAV))
         for frame, heard_ns in sorted(_exchanges(session).items()):
             t_ns = heard_ns - shift_ns + jitter_ns(frame)
             stamp_us = _stamp_us(frame) + 7_000_001 * is_other_flight
-            heard = dataclasses.replace(record(frame_count=frame), timestamp_low_us=stamp_us, mac=_UAV)
-            writer.write(CSI, t_ns, t_ns, 0, b"\xbb" + encode_body(heard))
+            heard = stamp_us.to_bytes(4, "little") + body[4:34] + frame.to_bytes(4, "little") + body[38:]
+            writer.write(CSI, t_ns, t_ns, 0, b"\xbb" + heard)
         writer.finish()
 
 

@@ -103,17 +103,7 @@ class LogScan:
         has_learned = False
         for record in records:
             match record:
-                case Schema():
-                    schemas[record.id] = (record.name, record.encoding, record.data)
-                case Channel():
-                    channels[record.id] = record
-                case Header():
-                    self.has_header = True
-                    self.is_own = self.is_own or record.library == LIBRARY
-                case Metadata():
-                    self.is_own = self.is_own or record.name == METADATA
-                    _take_metadata(record, self.metadata)
-                case Message():
+                case Message():  # first, since nearly all are
                     if record.channel_id not in channels and not has_learned:  # it was told in a chunk that is damaged
                         has_learned = True
                         self._learn_from_all(channels, schemas)
@@ -131,6 +121,16 @@ class LogScan:
                         encoding=channel.message_encoding,
                         schema=schemas.get(channel.schema_id, _NO_SCHEMA),
                     )
+                case Schema():
+                    schemas[record.id] = (record.name, record.encoding, record.data)
+                case Channel():
+                    channels[record.id] = record
+                case Header():
+                    self.has_header = True
+                    self.is_own = self.is_own or record.library == LIBRARY
+                case Metadata():
+                    self.is_own = self.is_own or record.name == METADATA
+                    _take_metadata(record, self.metadata)
 
     def _learn_from_all(self, channels: dict[int, Channel], schemas: dict[int, tuple[str, str, bytes]]) -> None:
         """Channels and schemas from wherever they can be read: the end of a finished file tells all of them again."""

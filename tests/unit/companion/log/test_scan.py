@@ -25,14 +25,14 @@ def numbers(path: Path) -> list[int]:
 
 @pytest.mark.parametrize("compression", ["zstd", pytest.param("lz4", marks=pytest.mark.long)])
 def test_any_byte_of_a_chunks_head_costs_that_chunk_alone(tmp_path: Path, compression: str) -> None:
-    content = log_of(compression=compression)
+    content = log_of(1000, compression, 4 << 10)
     chunks = [frame for frame in frames(content) if frame[0] == Opcode.CHUNK]
     _, begin, end = chunks[5]
     path = tmp_path / "log.mcap"
     path.write_bytes(content)
     all_numbers = set(numbers(path))
     each = len(all_numbers) // len(chunks)
-    places = [*range(begin, begin + 9 + 44 + len(compression) - 4 + 8), *range(begin + 80, end, 2999)]
+    places = [*range(begin, begin + 9 + 44 + len(compression) - 4 + 8), *range(begin + 80, end, 749)]
     for place in places:
         for flip in (0x01, 0x80) if place % 3 else (0x41,):
             hurt = bytearray(content)
@@ -48,7 +48,7 @@ def test_any_byte_of_a_chunks_head_costs_that_chunk_alone(tmp_path: Path, compre
 
 
 def test_one_flipped_byte_anywhere_is_no_traceback_and_costs_little(tmp_path: Path) -> None:
-    content = log_of()
+    content = log_of(1000, chunk_bytes=4 << 10)
     chance = random.Random(2)
     path, target = tmp_path / "log.mcap", tmp_path / "saved.mcap"
     for _ in range(30):
@@ -56,7 +56,7 @@ def test_one_flipped_byte_anywhere_is_no_traceback_and_costs_little(tmp_path: Pa
         hurt[chance.randrange(8, len(hurt))] ^= 1 << chance.randrange(8)
         path.write_bytes(hurt)
         saved = repair(path, target)
-        assert saved.messages >= 3500
+        assert saved.messages >= 875
         assert saved.is_replayable
         assert metadata_of(target)[METADATA] == METADATA_VALUES
         assert LogScan(target).path == target

@@ -16,10 +16,10 @@ METADATA_VALUES = {"role": "uav", "name": "uav", "config": '{"a": 1}' * 300, "se
 HEAD = struct.Struct("<BQ")
 
 
-def log_of(messages: int = 4000, compression: Any = "zstd") -> bytes:
+def log_of(messages: int = 4000, compression: Any = "zstd", chunk_bytes: int = 16 << 10) -> bytes:
     """A log of this program of some twenty chunks."""
     file = io.BytesIO()
-    writer = LogWriter(file, METADATA_VALUES, compression, chunk_bytes=16 << 10)
+    writer = LogWriter(file, METADATA_VALUES, compression, chunk_bytes=chunk_bytes)
     chance = random.Random(0)
     for number in range(messages):
         writer.write(CSI, number, number, number, chance.randbytes(60) + number.to_bytes(4, "little"))
