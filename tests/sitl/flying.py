@@ -101,7 +101,7 @@ class Flying:
                         status = await self.status()
                         if condition(status):
                             return status
-                    await asyncio.sleep(0.02)
+                    await asyncio.sleep(0.05)  # an answer takes the service milliseconds
         except TimeoutError:
             raise AssertionError(f"not so within {timeout_s} s; the last status was {status}") from None
 
