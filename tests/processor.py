@@ -17,7 +17,9 @@ _KEY: Final = "processor"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--processor", type=int, default=0, metavar="N", help="print the N dearest tests in processor time")
+    parser.addoption(
+        "--processor", type=int, default=0, metavar="N", help="print the N dearest tests in processor time"
+    )
 
 
 class Processor:

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from companion.core.messages import Vector3
 from companion.guidance.target import Target
+from companion.study.chi_square import middle_95
 
 PLACE_DEGREES: Final = 3
 
@@ -49,6 +49,6 @@ def share_in_band(missions: Sequence[Sequence[float]], least: int) -> float | No
     for number in range(max((len(mission) for mission in missions), default=0)):
         values = [mission[number] for mission in missions if len(mission) > number]
         if len(values) >= least:
-            low, high = chi2.ppf([0.025, 0.975], PLACE_DEGREES * len(values)) / len(values)
+            low, high = middle_95(PLACE_DEGREES * len(values)) / len(values)
             inside.append(low <= float(np.mean(values)) <= high)
     return float(np.mean(inside)) if inside else None

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from companion.study.belief import share_in_band
 from companion.study.figures import draw_cdf
@@ -158,6 +157,8 @@ def _rank_note(rows: Sequence[MissionRow]) -> str:
     pairs = [(s.crb_deg, s.great_circle_deg) for s in steps if s.crb_deg is not None and s.great_circle_deg is not None]
     if len(pairs) < 3:
         return "Too few iterations to rank bounds against errors."
+    from scipy.stats import spearmanr  # here: a second of imports for all who only want another study
+
     rank = float(spearmanr(*np.array(pairs).T).statistic)
     return f"Rank correlation of bound and error over {len(pairs)} iterations: {rank:.2f}."
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 from numpy.random import SeedSequence
-from scipy.stats import chi2
 
 from companion.sim.team import STEP_S, Moment, SeenRobot, TeamWorld, moments
+from companion.study.chi_square import middle_95
 from companion.study.figures import draw_lines
 from companion.study.study import Finding, Settings, Study, Summary
 from companion.team.estimate import PERIOD_NS, Relative, Team
@@ -32,7 +32,6 @@ Array = npt.NDArray[np.float64]
 _DEGREES: Final = 4
 """Place and heading of a robot."""
 _FROM_S: Final = 10.0
-_BAND: Final = (0.025, 0.975)
 _BASE_NS: Final = 1_000 * PERIOD_NS
 _TURNING: Final = math.radians(20.0) / 60.0
 THREE, FIVE, TURNING, ONE_EYE, TWICE = (
@@ -182,7 +181,7 @@ def band(rows: Sequence[TeamRow]) -> Band:
         degrees = sum(one.degrees for one in at)
         most = sum(_DEGREES * (row.robots - 1) for row in rows)
         if at[0].t_s >= _FROM_S and degrees >= 0.5 * most:
-            low, high = chi2.ppf(_BAND, degrees) / degrees
+            low, high = middle_95(degrees) / degrees
             found.t_s.append(at[0].t_s)
             found.nees.append(sum(one.nees for one in at) / degrees)
             found.low.append(float(low))

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
-from scipy.stats import spearmanr
 
 from companion.analysis.bearings import analyze_run
 from companion.analysis.exchanges import read_log
@@ -181,6 +180,8 @@ def _summarise(rows: Sequence[VioRow]) -> Summary:
                 findings.append(Finding(quantity, float(np.median(polar)), paper.get("theta"), "deg"))
         errors_m = _against_ate(rows, estimator)
         if len(errors_m) > _FEW:
+            from scipy.stats import spearmanr  # here: a second of imports for all who only want another study
+
             rank = float(spearmanr(*np.array(errors_m).T).statistic)
             findings.append(Finding(f"{estimator}, t265: rank correlation of ATE and |phi error|", rank, "linear"))
     problems = [row.problem for row in rows if row.problem]

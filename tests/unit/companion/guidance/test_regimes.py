@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from companion.guidance.regimes import (
     ECHOING,
@@ -26,6 +25,7 @@ from companion.guidance.regimes import (
 from companion.guidance.tracker import TargetTracker
 from companion.sensing.records import Bearing
 from companion.study.belief import check
+from companion.study.chi_square import middle_95
 
 OWN_RAD = 0.02
 HEADING_RAD = math.radians(7.0)
@@ -93,7 +93,7 @@ def test_a_belief_is_as_sure_as_it_is_right_in_every_kind_of_room(regime: Regime
     """The mean over missions and reports lies in the band that a mean over missions has at each report, and most of the
     reports do not exceed it. It may be below: these targets are nearer than the prior's."""
     nees = np.mean([flown(regime, seed, 14)[0] for seed in range(_MISSIONS)], axis=0)
-    low, high = chi2.ppf([0.025, 0.975], 3 * _MISSIONS) / _MISSIONS
+    low, high = middle_95(3 * _MISSIONS) / _MISSIONS
     assert np.mean(nees < high) >= 2 / 3
     assert 0.5 * low < np.mean(nees) < high
 
