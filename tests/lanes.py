@@ -27,7 +27,7 @@ from companion.sensing.worker_process import ONE_THREAD
 
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _OUT: Final = _ROOT / "build" / "test"
-_PYTEST: Final = (sys.executable, "-m", "pytest", "--durations=40")
+_PYTEST: Final = (sys.executable, "-m", "pytest", "--durations=40", "--processor=40")
 _NICE: Final = ("nice", "-n", "19")
 _KERNELS: Final = "kernels"
 _INTERRUPTED: Final = 130

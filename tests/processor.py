@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Generator
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
-from typing import Final
+from typing import Final, cast
 
 import pytest
 
@@ -46,8 +46,9 @@ class Processor:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         for name, value in report.user_properties:
             if name == _KEY:
+                more = cast(tuple[float, float], value)
                 own, children = self._taken[report.nodeid]
-                self._taken[report.nodeid] = own + value[0], children + value[1]
+                self._taken[report.nodeid] = own + more[0], children + more[1]
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         modules: dict[str, tuple[float, float]] = defaultdict(lambda: (0.0, 0.0))
