@@ -158,7 +158,11 @@ def _print_page(cost: PageCost) -> None:
 
 
 def _print_idle(cost: IdleCost) -> None:
-    each = ", ".join(f"{one.name} {one.resident_mb:.0f} MB {100 * one.share:.1f} %" for one in cost.processes)
+    each = ", ".join(
+        f"{one.name} {one.resident_mb:.0f} MB {100 * one.share:.1f} % {one.wakes_per_s:.0f} wakes/s, "
+        f"{one.loop_wakes_per_s:.0f} of its loop"
+        for one in cost.processes
+    )
     click.echo(
         f"idle, {cost.csi_per_s:.0f} packets and {cost.poses_per_s:.0f} poses/s: {cost.memory_mb:.0f} MB and "
         f"{100 * cost.share:.1f} % of a core without the worker ({each}); ready after {cost.start_s:.1f} s "

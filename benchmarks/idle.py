@@ -5,8 +5,8 @@ nothing twice: what is anonymous of each process, and of each file (a library, t
 one of the processes holds. The kernel's own proportional size would divide the libraries among all that run here, the
 simulated hardware and the other robot too, which no vehicle has.
 
-A service that waits is woken some hundred times a second, and what that costs is the machine's: where others run in
-between, caches are theirs each time. So the time of an empty wake is measured beside it.
+A service that waits is woken again and again, and what that costs is the machine's: where others run in between, caches
+are theirs each time. So wakes are counted, which no load changes much, and the time of an empty one is measured.
 """
 
 from __future__ import annotations
@@ -54,6 +54,10 @@ class ProcessCost:
     name: str
     resident_mb: float
     share: float
+    wakes_per_s: float
+    """Times that one of its threads had waited and went on."""
+    loop_wakes_per_s: float
+    """Of its first thread, in which the event loop runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,12 +103,15 @@ async def _measure(seconds: float) -> IdleCost:
                 await _until_live(stage)
                 family = {one: _name(one) for one in _family(pid)}
                 before, used_s = await _health(stage), {one: _processor_s(one) for one in family}
+                woken = {one: _wakes(one) for one in family}
                 await asyncio.sleep(seconds)
                 costs = tuple(
                     ProcessCost(
                         name=family[one],
                         resident_mb=sum(_resident(one).values()) / 1e6,
                         share=(_processor_s(one) - used_s[one]) / seconds,
+                        wakes_per_s=(_wakes(one) - woken[one]).total() / seconds,
+                        loop_wakes_per_s=(_wakes(one) - woken[one])[one] / seconds,
                     )
                     for one in family
                 )
@@ -249,6 +256,16 @@ def _memory_mb(pids: Iterable[int]) -> float:
         anonymous += sizes.pop("")
         files |= sizes  # the larger of the two
     return (anonymous + files.total()) / 1e6
+
+
+def _wakes(pid: int) -> Counter[int]:
+    """By thread, so far; the first thread has the number of the process."""
+    found: Counter[int] = Counter()
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with suppress(FileNotFoundError):  # it has ended
+            line = next(one for one in (task / "status").read_text().splitlines() if one.startswith("voluntary"))
+            found[int(task.name)] = int(line.split()[1])
+    return found
 
 
 def _processor_s(pid: int) -> float:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
+from csi_bridge.arrival import StampedSocket
 from csi_bridge.records import CsiError
 from csi_bridge.source import SourceCounters
 
@@ -19,14 +20,20 @@ Decode = Callable[[bytes, Any], tuple[int, bytes] | None]
 class Draining:
     """A CsiSource: reads a socket that does not block, and counts."""
 
-    def __init__(self, opened: socket.socket, decode: Decode) -> None:
+    def __init__(self, opened: socket.socket, decode: Decode, is_stamped: bool = False) -> None:
+        """`is_stamped`: a socket whose datagrams the kernel stamps."""
         self._socket = opened
+        self._stamped = StampedSocket(opened) if is_stamped else None
         self._decode = decode
         self._counters = SourceCounters()
 
     @property
     def counters(self) -> SourceCounters:
         return self._counters
+
+    @property
+    def is_stamped(self) -> bool:
+        return self._stamped is not None
 
     def fileno(self) -> int:
         return self._socket.fileno()
@@ -35,11 +42,15 @@ class Draining:
         self._socket.close()
 
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        """As `arrivals`, without their times."""
+        return [(code, body) for code, body, _ in self.arrivals(limit)]
+
+    def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
         """See CsiSource. ENOBUFS means records were lost and the socket is fine: counted, reading goes on."""
-        records: list[tuple[int, bytes]] = []
+        records: list[tuple[int, bytes, int | None]] = []
         for _ in range(limit):
             try:
-                datagram, sender = self._socket.recvfrom(_DATAGRAM_BYTES)
+                datagram, sender, arrived_ns = self._receive()
             except BlockingIOError:
                 break
             except OSError as error:
@@ -49,8 +60,13 @@ class Draining:
                 continue
             record = self._counted(datagram, sender)
             if record is not None:
-                records.append(record)
+                records.append((*record, arrived_ns))
         return records
+
+    def _receive(self) -> tuple[bytes, Any, int | None]:
+        if self._stamped is not None:
+            return self._stamped.receive(_DATAGRAM_BYTES)
+        return *self._socket.recvfrom(_DATAGRAM_BYTES), None
 
     def _counted(self, datagram: bytes, sender: Any) -> tuple[int, bytes] | None:
         counters = replace(self._counters, datagrams=self._counters.datagrams + 1)

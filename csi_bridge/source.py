@@ -26,10 +26,22 @@ class CsiSource(Protocol):
     @property
     def counters(self) -> SourceCounters: ...
 
+    @property
+    def is_stamped(self) -> bool:
+        """Whether `arrivals` tells when each record arrived, however late it is read."""
+        ...
+
     def fileno(self) -> int: ...
 
+    def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
+        """At most `limit` records (code, body, arrival); reads until the socket is empty otherwise. Never blocks.
+
+        Arrival is on CLOCK_MONOTONIC [ns], None where it is not known: then a record came at the latest now.
+        """
+        ...
+
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
-        """At most `limit` (code, body) pairs; reads until the socket is empty otherwise. Never blocks."""
+        """As `arrivals`, without their times."""
         ...
 
     def close(self) -> None: ...

@@ -33,7 +33,9 @@ class UnixSource(Draining):
 
     def __init__(self, path: str | Path, receive_buffer_bytes: int = 1 << 20) -> None:
         self._path = Path(path)
-        super().__init__(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK), _decode)
+        super().__init__(
+            socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK), _decode, is_stamped=True
+        )
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer_bytes)
         try:
             remove_stale(self._path)

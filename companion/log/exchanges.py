@@ -33,7 +33,7 @@ def exchanges_of(session: Session) -> Exchanges:
         except (CsiError, IndexError):
             continue
         if isinstance(record, CsiRecord) and record.mac is not None and record.frame_count is not None:
-            found.setdefault(record.mac, {})[record.frame_count] = message.log_time_ns, record.timestamp_low_us
+            found.setdefault(record.mac, {})[record.frame_count] = message.publish_time_ns, record.timestamp_low_us
     return found
 
 

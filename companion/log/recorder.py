@@ -30,9 +30,9 @@ writer that is not scheduled at once."""
 _SYNC_S: Final = 1.0
 """What a power cut may cost at most, and the time the disk takes."""
 _IDLE_S: Final = 0.5
-_GATHER_S: Final = 0.02
+_GATHER_S: Final = 0.1
 """A writer that has nothing to do lets messages gather: woken by each of some 400 a second it took twice the
-processor's time, and the control loop's to be woken."""
+processor's time, and the control loop's to be woken. Never past the time that a chunk has to end."""
 _LARGEST_BYTES: Final = 512 << 10
 """No message is larger than this, by far: an aperture of 1000 packets measures 50 kB, a profile 65."""
 _RETRY_S: Final = 5.0
@@ -137,7 +137,7 @@ class McapRecorder:
         chunk_due_s = (math.inf if part is None else part.oldest_s) + _CHUNK_S
         sync_due_s = (math.inf if part is None else part.unsynced_since_s) + _SYNC_S
         if self._queue.empty():
-            time.sleep(_GATHER_S)
+            time.sleep(max(0.0, min(_GATHER_S, min(chunk_due_s, sync_due_s) - time.monotonic())))
         try:
             item = self._queue.get(timeout=max(0.0, min(_IDLE_S, min(chunk_due_s, sync_due_s) - time.monotonic())))
         except queue.Empty:

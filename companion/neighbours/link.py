@@ -5,25 +5,24 @@ It is opened anew when the network has taken it away.
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import logging
 import os
 import socket
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from companion.config.schema import Config
 from companion.core.clock import NS_PER_S
 from companion.errors import CompanionError
+from companion.host.coalescing import AT_ONCE, Drain, Readers
+from csi_bridge.arrival import StampedSocket
 
 _log = logging.getLogger(__name__)
 _RECEIVE_BYTES: Final = 2048
 _SYSFS: Final = Path("/sys/class/net")
 _IFF_UP: Final = 1
-_AT_ONCE: Final = 256
 _LOOK_NS: Final = NS_PER_S
 _PASSING: Final = frozenset({errno.EAGAIN, errno.ENOBUFS, errno.ENOMEM, errno.EINTR, errno.ECONNREFUSED})
 """A datagram that is lost, as on any radio link; the socket is sound."""
@@ -42,8 +41,7 @@ class Link:
         neighbours = config.neighbours
         self._to = (neighbours.broadcast, neighbours.port)
         self._interface = neighbours.interface
-        self._buffer = bytearray(_RECEIVE_BYTES)
-        self._attached: tuple[asyncio.AbstractEventLoop, Callable[[], None]] | None = None
+        self._attached: tuple[Readers, Drain] | None = None
         self._looked_ns: int | None = None
         self._index = 0
         self._failure = ""
@@ -55,28 +53,33 @@ class Link:
         self.problem = ""
         """Why robots cannot be heard or reached; empty while they can, as far as this host knows."""
         self._socket: socket.socket = self._open()
+        self._stamped = StampedSocket(self._socket)
 
     def fileno(self) -> int:
         return self._socket.fileno()
 
-    def attach(self, loop: asyncio.AbstractEventLoop, drain: Callable[[], None]) -> None:
+    def attach(self, readers: Readers, drain: Drain) -> None:
         """`drain` is called when something has arrived, whichever socket it is by then."""
-        self._attached = loop, drain
-        loop.add_reader(self.fileno(), drain)
+        self._attached = readers, drain
+        readers.add_reader(self.fileno(), drain)
 
     def drain(self) -> list[bytes]:
-        """What has arrived, at most so much that other work is not held up."""
-        arrived: list[bytes] = []
-        view = memoryview(self._buffer)
-        for _ in range(_AT_ONCE):
+        """As `arrivals`, without their times."""
+        return [data for data, _ in self.arrivals()]
+
+    def arrivals(self) -> list[tuple[bytes, int | None]]:
+        """What has arrived, at most so much that other work is not held up; and when, on CLOCK_MONOTONIC [ns], None
+        where that is not known."""
+        arrived: list[tuple[bytes, int | None]] = []
+        for _ in range(AT_ONCE):
             try:
-                size = self._socket.recv_into(self._buffer)
+                data, _, arrived_ns = self._stamped.receive(_RECEIVE_BYTES)
             except BlockingIOError:
                 break
             except OSError as error:  # what became of the interface is told to who receives, too
                 self._note(error)
                 break
-            arrived.append(bytes(view[:size]))
+            arrived.append((data, arrived_ns))
         return arrived
 
     def send(self, data: bytes) -> bool:
@@ -128,7 +131,7 @@ class Link:
             return str(error)
         self._detach()
         self._socket.close()
-        self._socket = fresh
+        self._socket, self._stamped = fresh, StampedSocket(fresh)
         self.opened += 1
         if self._attached is not None:
             self.attach(*self._attached)

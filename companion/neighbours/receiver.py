@@ -59,8 +59,8 @@ class NeighbourReceiver:
         """Datagrams with a good signature, taken or not."""
         self._on_accepted = on_accepted
 
-    def take(self, data: bytes) -> bool:
-        """Files one datagram; False when it was refused (and counted)."""
+    def take(self, data: bytes, arrived_ns: int | None = None) -> bool:
+        """Files one datagram that arrived then, or now; False when it was refused (and counted)."""
         try:
             sender = wire.sender_of(data)
         except wire.VersionError as error:
@@ -88,11 +88,11 @@ class NeighbourReceiver:
             neighbour.refused.malformed += 1
             neighbour.refuse(str(error), self._clock.now_ns())
             return False
-        return self._file(neighbour, datagram)
+        return self._file(neighbour, datagram, self._clock.now_ns() if arrived_ns is None else arrived_ns)
 
-    def _file(self, neighbour: Neighbour, datagram: wire.Datagram) -> bool:
+    def _file(self, neighbour: Neighbour, datagram: wire.Datagram, now_ns: int) -> bool:
         self.authentic += 1
-        now_ns, session = self._clock.now_ns(), neighbour.session
+        session = neighbour.session
         known, rivals = session.boot_id, session.rivals
         verdict = session.judge(datagram.boot_id, datagram.counter, now_ns)
         if verdict is Freshness.DUPLICATE and rivals is None and session.rivals is not None:

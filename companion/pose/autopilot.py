@@ -6,6 +6,7 @@ import asyncio
 from collections import deque
 
 from companion.core.messages import Pose
+from companion.host.coalescing import Readers
 from companion.pose.port import PoseSink
 from wsr import frames
 
@@ -36,7 +37,7 @@ class AutopilotPoses:
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(self._drain)
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         self._loop = asyncio.get_running_loop()
         try:
             await self._loop.create_future()

@@ -23,6 +23,7 @@ from companion.config.schema import NatNetConfig
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
+from companion.host.coalescing import Readers
 from companion.pose.autopilot import turned
 from companion.pose.natnet_frame import HEADER, Body, NatNetError, Version, body_in, message_of, protocol_version
 from companion.pose.port import PoseSink
@@ -65,7 +66,7 @@ class NatNetPoses:
     def align(self, north_yaw_rad: float) -> None:
         self._north_rad = north_yaw_rad
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         """Greets the server again and again until it answers, then keeps it sending."""
         loop = asyncio.get_running_loop()
         loop.add_reader(self._socket.fileno(), self._drain)

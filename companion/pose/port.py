@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from companion.core.messages import Pose
+from companion.host.coalescing import Readers
 
 PoseSink = Callable[[Pose], None]
 """Gets every pose in the order it came, on the event loop: ENU, North-aligned, stamped on the host's monotonic clock.
@@ -26,8 +27,9 @@ class Poses(Protocol):
     def align(self, north_yaw_rad: float) -> None:
         """Turn the frame by so much, counter-clockwise, to true East and North."""
 
-    async def run(self) -> None:
-        """Delivers until cancelled or, for a recording, until its end."""
+    async def run(self, readers: Readers | None = None) -> None:
+        """Delivers until cancelled or, for a recording, until its end. A source whose poses bring their own times has
+        its socket read by `readers`; without them, and any other, by the event loop."""
 
     def close(self) -> None:
         """Let go of what was opened. Harmless when repeated."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import Pose, Quaternion, Vector3
 from companion.errors import CompanionError
+from companion.host.coalescing import Readers
 from companion.pose.autopilot import turned
 from companion.pose.port import PoseSink
 from companion.pose.trajectory_columns import TrajectoryError
@@ -41,7 +42,7 @@ class FilePoses:
     def align(self, north_yaw_rad: float) -> None:
         self._north_rad = north_yaw_rad
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         """Until the end of the file."""
         start_ns, first_s = self._clock.now_ns(), self._rows[0].t_s
         before: _Row | None = None

@@ -13,6 +13,7 @@ import numpy as np
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
+from companion.host.coalescing import Readers
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
 from companion.pose.port import PoseSink
@@ -68,20 +69,24 @@ class PoseSource:
     def fileno(self) -> int:
         return self._socket.fileno()
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         loop = asyncio.get_running_loop()
-        loop.add_reader(self.fileno(), self.drain)
+        read_by: Readers = loop if readers is None else readers
+        read_by.add_reader(self.fileno(), self.drain)
         try:
             await loop.create_future()
         finally:
-            loop.remove_reader(self.fileno())
+            read_by.remove_reader(self.fileno())
 
-    def drain(self) -> None:
+    def drain(self) -> int:
+        """Takes what waits; how many datagrams that were."""
+        count = 0
         while True:
             try:
                 datagram = self._socket.recv(4096, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return
+                return count
+            count += 1
             self._take(datagram)
 
     def close(self) -> None:

@@ -73,7 +73,7 @@ class Radio:
     """Drains a CSI source and hands over one `ChannelSample` for each packet of a known peer.
 
     `peers` maps the six bytes of a MAC to the id of its robot. `on_record` gets every raw record (code, body) for the
-    log, before it is parsed.
+    log, before it is parsed, with the time that its card time is mapped by.
     """
 
     def __init__(
@@ -95,32 +95,34 @@ class Radio:
         self.rssi_dbm: tuple[float | None, ...] = (None,) * ANTENNAS
         """Of the newest record, by antenna A, B, C; None where there is no signal."""
 
-    def drain(self) -> None:
-        """Called when the source is readable."""
-        bodies = self._source.drain()
+    def drain(self) -> int:
+        """Takes what waits in the source; how many records that were."""
+        records = self._source.arrivals()
         now_ns = self._clock.now_ns()
-        for code, body in bodies:
-            self._on_record(now_ns, code, body)
+        for code, body, arrived_ns in records:
+            heard_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
+            self._on_record(heard_ns, code, body)
             try:
                 record = parse_record(body) if code == FEITCSI_CODE else parse_body(code, body)
             except CsiError:
                 self.counters.malformed += 1
                 continue
             if isinstance(record, CsiRecord):
-                self._take(record, now_ns)
+                self._take(record, heard_ns)
             elif isinstance(record, FeitRecord):
-                self._take_feitcsi(record, now_ns)
+                self._take_feitcsi(record, heard_ns)
             elif record is None:
                 self.counters.unknown_code += 1
+        return len(records)
 
     def antenna_power(self) -> dict[str, float | None]:
         return dict(zip("ABC", self.rssi_dbm, strict=True))
 
-    def _take(self, record: CsiRecord, now_ns: int) -> None:
+    def _take(self, record: CsiRecord, heard_ns: int) -> None:
         counters = self.counters
         counters.records += 1
         resets = self.nic_clock.resets
-        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
+        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, heard_ns)
         self._count_losses(record.bfee_count, self.nic_clock.resets != resets)
         self.rssi_dbm = tuple([value - 44.0 - record.agc if value else None for value in record.rssi])
         if record.mac is None:
@@ -146,11 +148,11 @@ class Radio:
         )
         self._on_sample(sample)
 
-    def _take_feitcsi(self, record: FeitRecord, now_ns: int) -> None:
+    def _take_feitcsi(self, record: FeitRecord, heard_ns: int) -> None:
         """Such a card counts neither packets nor what it lost."""
         self.counters.records += 1
         resets = self.nic_clock.resets
-        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, now_ns)
+        t_mono_ns = self.nic_clock.update(record.timestamp_low_us, heard_ns)
         self.counters.restarts += self.nic_clock.resets != resets
         self.rssi_dbm = (*(float(power) if power else None for power in record.rssi_dbm), None)
         peer = self._peers.get(record.mac)

@@ -67,6 +67,8 @@ class InputEvent:
     number: int
     t_ns: int
     inputs: dict[str, list[bytes]]
+    own_t_ns: dict[str, list[int]]
+    """When each of them came by its own stamp: before the event, if it waited to be read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,11 +121,13 @@ def input_events(messages: Iterable[LoggedMessage], wall_minus_mono_ns: int) -> 
     """The events of a log. `messages` in file order, inputs only."""
     for number, group in itertools.groupby(messages, key=lambda message: message.sequence):
         inputs: dict[str, list[bytes]] = {}
+        own_t_ns: dict[str, list[int]] = {}
         t_ns = 0
         for message in group:
             inputs.setdefault(message.topic, []).append(message.data)
+            own_t_ns.setdefault(message.topic, []).append(message.publish_time_ns - wall_minus_mono_ns)
             t_ns = message.log_time_ns - wall_minus_mono_ns
-        yield InputEvent(number, t_ns, inputs)
+        yield InputEvent(number, t_ns, inputs, own_t_ns)
 
 
 class Player:
@@ -231,19 +235,21 @@ class Player:
             assert self._commands is not None
             self._commands.deliver(msgspec.json.decode(data, type=CommandOutcome))
         for topic, payloads in event.inputs.items():
-            for data in payloads[:1] if topic == CSI.topic else payloads:
-                self._handle_input(topic, data, payloads)
+            own_t_ns = event.own_t_ns[topic]
+            if topic == CSI.topic:
+                self._inputs.csi.add(((record[0], record[1:]) for record in payloads), own_t_ns)
+                self.uav.node.take_csi()
+                continue
+            for data, t_ns in zip(payloads, own_t_ns, strict=True):
+                self._handle_input(topic, data, t_ns)
 
-    def _handle_input(self, topic: str, data: bytes, payloads: list[bytes]) -> None:
+    def _handle_input(self, topic: str, data: bytes, own_t_ns: int) -> None:
         uav = self.uav
-        if topic == CSI.topic:
-            self._inputs.csi.add((record[0], record[1:]) for record in payloads)
-            uav.node.take_csi()
-        elif topic == POSE_IN.topic:
+        if topic == POSE_IN.topic:
             self._inputs.poses.resets = int.from_bytes(data[-4:], "little")
             uav.node.take_pose(pose_of(data))
         elif topic == NEIGHBOUR.topic:
-            uav.node.take_datagram(resigned(data, REPLAY_KEY))
+            uav.node.take_datagram(resigned(data, REPLAY_KEY), own_t_ns)
         elif topic == TICK.topic:
             tick = msgspec.json.decode(data, type=Tick)
             uav.flight.tick(tick.t_mono_ns, tick.slept_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import dataclasses
+import itertools
 import os
 import select
 import subprocess
@@ -22,6 +23,7 @@ from companion.core.messages import AutopilotEvent, Pose, Setpoint, VehicleState
 from companion.errors import CompanionError
 from companion.flight.commands import Command, FlightCommands, Report
 from companion.host.child import tied
+from companion.host.coalescing import Readers
 from companion.neighbours.boots import Book
 from companion.pose.port import Poses, PoseSink
 from companion.sensing.worker_process import ONE_THREAD
@@ -50,21 +52,29 @@ class RecordedCsi:
     """A `CsiSource` that gives the records of the event at hand."""
 
     def __init__(self) -> None:
-        self._records: list[tuple[int, bytes]] = []
+        self._records: list[tuple[int, bytes, int | None]] = []
         self._drained = 0
 
-    def add(self, records: Iterable[tuple[int, bytes]]) -> None:
-        """Code and body of each, for the next `drain`."""
-        self._records += records
+    def add(self, records: Iterable[tuple[int, bytes]], arrived_ns: Iterable[int | None] | None = None) -> None:
+        """Code and body of each for the next `arrivals`, and when each came [ns]; without that, at the event."""
+        times = itertools.repeat(None) if arrived_ns is None else arrived_ns
+        self._records += ((code, body, t_ns) for (code, body), t_ns in zip(records, times, strict=False))
 
     @property
     def counters(self) -> SourceCounters:
         return SourceCounters(datagrams=self._drained)
 
+    @property
+    def is_stamped(self) -> bool:
+        return True
+
     def fileno(self) -> int:
         return -1
 
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
+        return [(code, body) for code, body, _ in self.arrivals(limit)]
+
+    def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
         records, self._records = self._records, []
         self._drained += len(records)
         return records
@@ -85,7 +95,7 @@ class RecordedPoses:
     def align(self, north_yaw_rad: float) -> None:
         """The recorded poses have been turned."""
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         raise CompanionError("a replay has no pose source to run")
 
     def close(self) -> None:

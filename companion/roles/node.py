@@ -15,6 +15,7 @@ from companion.core.messages import Pose, pose_bytes
 from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
+from companion.host.coalescing import PERIOD_S, CoalescedReaders
 from companion.host.ending import Parts
 from companion.neighbours import wire
 from companion.neighbours.link import Link
@@ -85,6 +86,7 @@ class Node:
         self.radio = Radio(self._source, macs(config), clock, self.samples.give, self._record_csi)
         self._pinger: Pinger | None = inputs.open_pinger(clock)
         self._link: Link | None = None
+        self._readers: CoalescedReaders | None = None
         self._traffic = Traffic([config.neighbours.interface, config.csi.interface])
         self._pose_source = inputs.open_poses(clock, self.take_pose)
         self.intake = PoseIntake(config.pose, clock, self._pose_source, self.poses.give)
@@ -105,17 +107,14 @@ class Node:
             self.open()
         link = self._link
         assert link is not None
-        readers: list[tuple[int, Callable[[], None]]] = [
-            (self._source.fileno(), self.take_csi),
-        ]
+        self._readers = readers = CoalescedReaders(loop, _period_s(self.config))
+        readers.add_reader(self._source.fileno(), self.take_csi, self._source.is_stamped)
+        link.attach(readers, self._drain_link)
         if self._pinger is not None:
-            readers += [(self._pinger.fileno(), self._pinger.drain)]
-        link.attach(loop, self._drain_link)
-        for fileno, drain in readers:
-            loop.add_reader(fileno, drain)
+            loop.add_reader(self._pinger.fileno(), self._pinger.drain)
         try:
             async with Parts(begin_end) as tasks:
-                tasks.create_task(self._pose_source.run(), name="poses")
+                tasks.create_task(self._pose_source.run(readers), name="poses")
                 if self.config.pose.reader_command:
                     tasks.create_task(self._reader.run(), name="pose reader")
                 tasks.create_task(self._broadcast(link), name="broadcast")
@@ -123,8 +122,9 @@ class Node:
                 if self._pinger is not None:
                     tasks.create_task(self._pinger.run(), name="ping")
         finally:
-            for fileno, _ in readers:
-                loop.remove_reader(fileno)
+            readers.remove_reader(self._source.fileno())
+            if self._pinger is not None:
+                loop.remove_reader(self._pinger.fileno())
             self.close()
 
     def close(self) -> None:
@@ -137,14 +137,19 @@ class Node:
             self._pinger.close()
         self.book.close()
 
+    def read(self) -> None:
+        """What has arrived by now is taken, for whoever needs the newest."""
+        if self._readers is not None:
+            self._readers.read()
+
     def odometry_sink(self) -> Callable[[Pose], None] | None:
         """What takes the autopilot's own odometry, where that is the source of poses."""
         return self._pose_source.offer if isinstance(self._pose_source, AutopilotPoses) else None
 
-    def take_csi(self) -> None:
-        """The card has records."""
+    def take_csi(self) -> int:
+        """The card may have records; how many it had."""
         with self.clock.event():
-            self.radio.drain()
+            return self.radio.drain()
 
     def take_pose(self, pose: Pose) -> None:
         """The source gives a pose."""
@@ -153,14 +158,15 @@ class Node:
             self.recorder.record(POSE_IN, pose.t_mono_ns, pose_bytes(pose) + resets)
             self.intake.take(pose)
 
-    def take_datagram(self, data: bytes) -> None:
-        """A datagram of some robot. What carries a good signature is recorded, taken or not; the rest is only counted:
-        anybody can send it, at any rate."""
+    def take_datagram(self, data: bytes, arrived_ns: int | None = None) -> None:
+        """A datagram of some robot, which arrived then, or now. What carries a good signature is recorded, taken or
+        not; the rest is only counted: anybody can send it, at any rate."""
         with self.clock.event() as now_ns:
+            heard_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
             before = self.receiver.authentic
-            self.receiver.take(data)
+            self.receiver.take(data, heard_ns)
             if self.receiver.authentic != before:
-                self.recorder.record(NEIGHBOUR, now_ns, data)
+                self.recorder.record(NEIGHBOUR, heard_ns, data)
 
     def each_second(self) -> None:
         """What is done once a second."""
@@ -236,10 +242,12 @@ class Node:
     def _note_exchange(self, sample: ChannelSample) -> None:
         self.receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
 
-    def _drain_link(self) -> None:
+    def _drain_link(self) -> int:
         assert self._link is not None
-        for data in self._link.drain():
-            self.take_datagram(data)
+        arrived = self._link.arrivals()
+        for data, arrived_ns in arrived:
+            self.take_datagram(data, arrived_ns)
+        return len(arrived)
 
     def _record_book(self) -> None:
         reached = {str(peer.id): self.book.reached(peer.id) for peer in self.config.peers}
@@ -249,6 +257,13 @@ class Node:
 
     def _record_csi(self, t_mono_ns: int, code: int, body: bytes) -> None:
         self.recorder.record(CSI, t_mono_ns, bytes([code]) + body)
+
+
+def _period_s(config: Config) -> float:
+    """How long what arrives may wait. Of two poses that reach PX4 at once its estimator sees one only, so where poses
+    are forwarded no two that are due may wait."""
+    forward_hz = 0.0 if config.autopilot is None else config.autopilot.forward_vio_hz
+    return min(PERIOD_S, 0.5 / forward_hz) if forward_hz else PERIOD_S
 
 
 def _keys(config: Config, inputs: Inputs) -> dict[int, list[bytes]]:

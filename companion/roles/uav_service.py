@@ -9,6 +9,7 @@ from typing import Any
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import Autopilot
+from companion.camera.sighting import TagFrame
 from companion.config.schema import Config
 from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
@@ -68,7 +69,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         worker=worker,
     )
     team = TeamOf(uav.node)
-    tag_camera = TagCamera(config, uav.take_tags)
+    tag_camera = TagCamera(config, lambda frame: _take_tags(uav, frame))
     uav.sar.iterations.connect(team.add_iteration)
     worker.answers.connect(uav.sar.take_answer)
     worker.readiness.connect(uav.sar.note_worker)
@@ -126,6 +127,12 @@ async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> d
         case "pose":
             return _pose_answer(uav.node, uav.autopilot.state().yaw_enu_rad)
     return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
+
+
+def _take_tags(uav: Uav, frame: TagFrame) -> None:
+    """Our poses up to the frame first: it is judged by the nearest one."""
+    uav.node.read()
+    uav.take_tags(frame)
 
 
 def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, Vector3, VehicleState
 from companion.core.streams import Stream
+from companion.host.coalescing import Readers
 from companion.pose.source import BodyFrame
 from companion.radio.card import ANTENNAS, ChannelSample
 from companion.sensing.worker import compute
@@ -169,7 +170,7 @@ class CameraFeed:
     def align(self, north_yaw_rad: float) -> None:
         self._body = BodyFrame(north_yaw_rad)
 
-    async def run(self) -> None: ...
+    async def run(self, readers: Readers | None = None) -> None: ...
 
     def close(self) -> None: ...
 

@@ -53,7 +53,13 @@ async def _run(kind: str) -> dict[str, object]:
     config = replace(config, neighbours=replace(config.neighbours, broadcast=_TO[kind], interface=interface))
     ours, theirs = Link(config), Link(config)
     heard: list[bytes] = []
-    theirs.attach(asyncio.get_running_loop(), lambda: heard.extend(theirs.drain()))
+
+    def hear() -> int:
+        arrived = theirs.drain()
+        heard.extend(arrived)
+        return len(arrived)
+
+    theirs.attach(asyncio.get_running_loop(), hear)
     seconds = 0
     result: dict[str, object] = {}
 

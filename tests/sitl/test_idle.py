@@ -17,3 +17,5 @@ def test_an_idle_service_is_small_soon_ready_and_soon_gone() -> None:
     assert cost.csi_per_s > 50.0 and cost.poses_per_s > 50.0, "all streams were live"
     assert cost.start_processor_s < 2.5 and cost.stop_s < 2.0
     assert cost.log_is_whole
+    service = next(one for one in cost.processes if one.name == "service")
+    assert service.loop_wakes_per_s < 160.0, "50 turns of the sockets, 20 ticks, and little else"

@@ -13,6 +13,7 @@ import numpy as np
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, Vector3
+from companion.host.coalescing import Readers
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.sensing.iterations import SarIterations
@@ -103,7 +104,7 @@ class NoPoses:
 
     def align(self, north_yaw_rad: float) -> None: ...
 
-    async def run(self) -> None: ...
+    async def run(self, readers: Readers | None = None) -> None: ...
 
     def close(self) -> None: ...
 

@@ -16,6 +16,7 @@ from companion.neighbours.link import Link
 from companion.neighbours.sender import NeighbourSender
 from companion.neighbours.wire import Role
 from companion.sim.stage import free_udp_port
+from csi_bridge.arrival import StampedSocket
 from tests.paths import CONFIGS
 
 _DEMO = load_config(CONFIGS / "demo-uav.yaml")
@@ -31,7 +32,7 @@ class _Mute:
     def sendto(self, data: bytes, to: Any) -> int:
         raise OSError(self._number, "Network is unreachable")
 
-    def recv_into(self, buffer: Any) -> int:
+    def recvmsg(self, size: int, ancillary: int) -> Any:
         raise OSError(errno.ENODEV, "No such device")
 
     def __getattr__(self, name: str) -> Any:
@@ -49,6 +50,7 @@ def test_no_route_is_told_once_and_a_new_socket_is_tried(link: Link, caplog: pyt
     link.watch(0)
     assert link.send(b"x")
     link._socket = _Mute(link._socket, errno.ENETUNREACH)  # type: ignore[assignment]
+    link._stamped = StampedSocket(link._socket)
     assert not link.send(b"y")
     assert link.drain() == []
     link.watch(NS_PER_S)

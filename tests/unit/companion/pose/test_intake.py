@@ -9,6 +9,7 @@ import pytest
 from companion.config.schema import PoseConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
+from companion.host.coalescing import Readers
 from companion.pose.intake import PoseIntake
 from tests.manual_clock import ManualClock
 from tests.unit.companion.pose.turning import yawed_pose
@@ -23,7 +24,7 @@ class _Source:
     def align(self, north_yaw_rad: float) -> None:
         self.turned_rad = north_yaw_rad
 
-    async def run(self) -> None:
+    async def run(self, readers: Readers | None = None) -> None:
         raise NotImplementedError
 
     def close(self) -> None:

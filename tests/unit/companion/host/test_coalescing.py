@@ -1,0 +1,183 @@
+"""Real sockets read in turns: few wakes, every datagram, in order; those without stamps still read at once."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from companion.host import coalescing as module
+from companion.host.coalescing import CoalescedReaders
+
+_PERIOD_S = 0.05
+
+
+class _Inlet:
+    """One socket pair and what was read from it, each batch by itself."""
+
+    def __init__(self) -> None:
+        self.ours, self.theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.ours.setblocking(False)
+        self.batches: list[list[bytes]] = []
+        self.read_s: list[float] = []
+        self.on_batch: Callable[[], None] = lambda: None
+
+    def drain(self, most: int = 1000) -> int:
+        batch: list[bytes] = []
+        while len(batch) < most:
+            try:
+                batch.append(self.ours.recv(64))
+            except BlockingIOError:
+                break
+        if batch:
+            self.batches.append(batch)
+            self.read_s.append(time.monotonic())
+            self.on_batch()
+        return len(batch)
+
+    @property
+    def read(self) -> list[bytes]:
+        return [data for batch in self.batches for data in batch]
+
+    def close(self) -> None:
+        self.ours.close()
+        self.theirs.close()
+
+
+@contextmanager
+def _inlets(count: int) -> Iterator[list[_Inlet]]:
+    made = [_Inlet() for _ in range(count)]
+    try:
+        yield made
+    finally:
+        for one in made:
+            one.close()
+
+
+def _watched(loop: asyncio.AbstractEventLoop, *inlets: _Inlet) -> list[bool]:
+    selector: Any = loop
+    return [inlet.ours.fileno() in selector._selector.get_map() for inlet in inlets]
+
+
+async def test_a_stream_is_read_in_batches_whole_and_in_order() -> None:
+    with _inlets(2) as inlets:
+        readers = CoalescedReaders(asyncio.get_running_loop(), _PERIOD_S)
+        for inlet in inlets:
+            readers.add_reader(inlet.ours.fileno(), inlet.drain)
+        sent = [b"%d" % number for number in range(120)]
+        for data in sent:
+            for inlet in inlets:
+                inlet.theirs.send(data)
+            await asyncio.sleep(0.005)
+        await asyncio.sleep(3 * _PERIOD_S)
+        for inlet in inlets:
+            assert inlet.read == sent
+            assert len(inlet.batches) <= len(sent) / 3, "some ten wait in each period, however busy the machine"
+        assert _watched(asyncio.get_running_loop(), *inlets) == [True, True], "after silence"
+
+
+async def test_the_first_after_silence_is_read_at_once() -> None:
+    with _inlets(1) as (inlet,):
+        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers.add_reader(inlet.ours.fileno(), inlet.drain)
+        inlet.theirs.send(b"first")
+        await asyncio.sleep(0.02)
+        assert inlet.read == [b"first"]
+        inlet.theirs.send(b"second")
+        await asyncio.sleep(0.02)
+        assert inlet.read == [b"first"], "it waits for the next turn"
+        readers.read()
+        assert inlet.read == [b"first", b"second"], "or for whoever needs the newest"
+        readers.remove_reader(inlet.ours.fileno())
+
+
+async def test_of_a_socket_without_stamps_the_first_behind_each_turn_is_read_at_once() -> None:
+    with _inlets(2) as (stamped, unstamped):
+        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers.add_reader(stamped.ours.fileno(), stamped.drain)
+        readers.add_reader(unstamped.ours.fileno(), unstamped.drain, is_stamped=False)
+        stamped.theirs.send(b"begins")
+        await asyncio.sleep(0.02)
+        for data in (b"1", b"2"):
+            unstamped.theirs.send(data)
+            await asyncio.sleep(0.02)
+        assert unstamped.read == [b"1"]
+        for inlet in (stamped, unstamped):
+            readers.remove_reader(inlet.ours.fileno())
+
+
+async def test_where_a_drain_has_left_some_they_are_read_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "AT_ONCE", 40)
+    with _inlets(1) as (inlet,):
+        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers.add_reader(inlet.ours.fileno(), lambda: inlet.drain(40))
+        sent = [b"%d" % number for number in range(100)]
+        for data in sent:
+            inlet.theirs.send(data)
+        await asyncio.sleep(0.05)
+        assert [len(batch) for batch in inlet.batches] == [40, 40, 20]
+        assert inlet.read == sent
+        readers.remove_reader(inlet.ours.fileno())
+
+
+async def test_a_fast_stream_is_read_oftener_so_that_a_short_queue_holds_it() -> None:
+    with _inlets(1) as (inlet,):
+        readers = CoalescedReaders(asyncio.get_running_loop(), 1.0)
+        readers.add_reader(inlet.ours.fileno(), inlet.drain)
+        for _ in range(60):  # the first alone; 60 are ten times as many as may wait
+            inlet.theirs.send(b"x")
+        await asyncio.sleep(0.02)
+        inlet.theirs.send(b"y")
+        await asyncio.sleep(0.5)
+        assert inlet.read[-1] == b"y", "a tenth of the period later"
+        readers.remove_reader(inlet.ours.fileno())
+
+
+@pytest.mark.parametrize("is_polled", [False, True])
+async def test_it_ends_cleanly_watched_or_polled(is_polled: bool) -> None:
+    loop = asyncio.get_running_loop()
+    with _inlets(2) as inlets:
+        readers = CoalescedReaders(loop, _PERIOD_S)
+        for inlet in inlets:
+            readers.add_reader(inlet.ours.fileno(), inlet.drain)
+        if is_polled:
+            inlets[0].theirs.send(b"x")
+            await asyncio.sleep(_PERIOD_S / 2)
+            assert _watched(loop, *inlets) == [False, False]
+        for inlet in inlets:
+            readers.remove_reader(inlet.ours.fileno())
+            readers.remove_reader(inlet.ours.fileno())
+            inlet.theirs.send(b"after")
+        await asyncio.sleep(2 * _PERIOD_S)
+        assert b"after" not in inlets[0].read + inlets[1].read
+        assert _watched(loop, *inlets) == [False, False]
+
+
+async def test_one_that_closes_another_or_fails_stops_no_other() -> None:
+    loop, told = asyncio.get_running_loop(), list[dict[str, Any]]()
+    loop.set_exception_handler(lambda _, context: told.append(context))
+    with _inlets(3) as (closes, closed, fails):
+        readers = CoalescedReaders(loop, 0.01)
+        closes.on_batch = lambda: readers.remove_reader(closed.ours.fileno())
+
+        def fail() -> int:
+            if fails.drain():
+                raise OSError("no such card")
+            return 0
+
+        readers.add_reader(fails.ours.fileno(), fail)
+        readers.add_reader(closes.ours.fileno(), closes.drain)
+        readers.add_reader(closed.ours.fileno(), closed.drain)
+        for number in range(3):
+            for inlet in (fails, closes, closed):
+                inlet.theirs.send(b"%d" % number)
+            await asyncio.sleep(0.03)
+        assert (len(closes.read), len(fails.read), closed.read) == (3, 3, [])
+        assert [str(context["exception"]) for context in told] == 3 * ["no such card"]
+        for inlet in (fails, closes):
+            readers.remove_reader(inlet.ours.fileno())
