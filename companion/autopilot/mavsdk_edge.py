@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from companion.autopilot import onboard_status, px4_modes
@@ -63,11 +63,12 @@ _INTERVALS_US: Final = {
     65: 200_000,  # RC_CHANNELS
     331: 50_000,  # ODOMETRY: announces resets of the estimate
 }
-_ODOMETRY: Final = 331
-_ODOMETRY_INTERVAL_US: Final = 20_000
+_DISARMED_US: Final = {32: 50_000}
+"""As often as the control loop looks: a vehicle that nobody has armed waits, and each message wakes two threads."""
+_ODOMETRY_US: Final = {331: 20_000}
 """Where it is also our source of poses."""
-_GPS_RAW_INT: Final = 24
-_GPS_INTERVAL_US: Final = 200_000
+_GPS_US: Final = {24: 200_000}
+"""GPS_RAW_INT."""
 _ANSWERS: Final = {_CMD_DO_SET_MODE: 2}
 """To one request: the MAVLink module accepts a mode at once, and the commander answers when it has decided."""
 _ACCEPTED: Final = 0
@@ -94,9 +95,10 @@ class MavsdkAutopilot:
         self.ground = GroundStation(self._link, self._vehicle_ms)
         self._asked_ns = 0
         self._asked_boots = -1
+        self._asked_armed = False
         self._others: set[str] = set()
-        odometry = {} if on_odometry is None else {_ODOMETRY: _ODOMETRY_INTERVAL_US}
-        self._intervals_us = _INTERVALS_US | odometry | ({_GPS_RAW_INT: _GPS_INTERVAL_US} if wants_gps else {})
+        odometry = {} if on_odometry is None else _ODOMETRY_US
+        self._intervals_us = _INTERVALS_US | odometry | (_GPS_US if wants_gps else {})
         self._problem = "not connected yet"
 
     @property
@@ -202,11 +204,7 @@ class MavsdkAutopilot:
             lambda state: state.mode is FlightMode.TAKEOFF or state.in_air,
             "takeoff",
         )
-        await self._until(
-            climb.hovers,
-            10 + _CLIMB_S_PER_M * height_m,
-            f"takeoff: hovering at {height_m:g} m",
-        )
+        await self._until(climb.hovers, 10 + _CLIMB_S_PER_M * height_m, f"takeoff: hovering at {height_m:g} m")
 
     async def request_offboard(self) -> None:
         """Raises AutopilotError after 3 s, or as soon as the mode changes to anything else: somebody took over."""
@@ -358,10 +356,12 @@ class MavsdkAutopilot:
         now_ns, boots = self._clock.now_ns(), self._telemetry.told("boots") or 0
         if self._heartbeat_age_s() > _HEARTBEAT_LATE_S:
             self._send_command(_CMD_REQUEST_MESSAGE, (_HEARTBEAT,))
-        unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(_INTERVALS_US)
+        unanswered = self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] < len(self._intervals_us)
         due = now_ns - self._asked_ns > _STATUS_S * NS_PER_S
         if boots != self._asked_boots or (due and unanswered):
             self._ask_for_telemetry()
+        elif self._asked_armed != bool(self._telemetry.told("armed")):
+            self._ask_for_intervals(_DISARMED_US)
         elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
@@ -381,12 +381,18 @@ class MavsdkAutopilot:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))
 
     def _ask_for_telemetry(self) -> None:
-        self._asked_ns, self._asked_boots = self._clock.now_ns(), self.state().boots
-        self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] = 0
-        for message_id, interval_us in self._intervals_us.items():
-            self._send_command(_CMD_SET_MESSAGE_INTERVAL, (message_id, interval_us))
+        self._asked_boots = self.state().boots
+        self._ask_for_intervals(self._intervals_us)
         for message_id in (_HEARTBEAT, _AUTOPILOT_VERSION):
             self._send_command(_CMD_REQUEST_MESSAGE, (message_id,))
+
+    def _ask_for_intervals(self, message_ids: Iterable[int]) -> None:
+        self._asked_ns, self._asked_armed = self._clock.now_ns(), self.state().armed
+        wanted_us = self._intervals_us | ({} if self._asked_armed else _DISARMED_US)
+        asked = [(message_id, wanted_us[message_id]) for message_id in message_ids]
+        self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] = len(wanted_us) - len(asked)
+        for one in asked:
+            self._send_command(_CMD_SET_MESSAGE_INTERVAL, one)
 
     def _send_command(self, command: int, parameters: tuple[float | None, ...]) -> None:
         padded = (*parameters, *(0,) * (7 - len(parameters)))

@@ -16,6 +16,7 @@ from tests.clean_root import SITE, CleanRoot, clean_root, why_not
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "-")
 _MAKE = f"make -s DEPENDENCIES={SITE}"
 _MISSING = {"card", "camera", "reader", "vehicle"}
+_CONFIGURATION = "cd /etc/companion && for one in *.yaml *.key; do stat -c '%A %U %G' $one; sha256sum $one; done"
 _NEW_KEY = "new key gate.max_climb_m_s (default 0.7)"
 
 
@@ -150,10 +151,15 @@ def test_the_package_is_installed_upgraded_rolled_back_and_removed(root: CleanRo
     assert "the example of a uav" in said
     assert root.run("companion --version").startswith("companion, version ")
     _forget_a_key(root, "1.0")
+    root.run("echo '# measured on this robot' >> /etc/companion/companion.yaml")
+    kept = root.run(_CONFIGURATION)
+    assert len(kept.splitlines()) >= 2, "the configuration and the robot's own key"
     said = root.run(f"{install} /companion_1.1_*.deb")
     assert "1.1 runs in place of 1.0" in said and _NEW_KEY in said
+    assert root.run(_CONFIGURATION) == kept
     root.run("companion-setup rollback")
     assert root.run("companion-setup versions") == "* 1.0\n- 1.1\n"
+    assert root.run(_CONFIGURATION) == kept
     root.run("/opt/companion/current/bin/companion config check /etc/companion/companion.yaml")
     root.run("companion-setup rollback && dpkg --remove companion")
     root.run("ls /opt/companion || ls /usr/bin/companion || ls /etc/systemd/system/companion.service", code=2)

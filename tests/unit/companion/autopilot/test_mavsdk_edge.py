@@ -78,7 +78,7 @@ def test_a_restarted_vehicle_is_asked_again_at_once_and_its_old_state_is_forgott
     after = vehicle.px4.link.received
     assert after["COMMAND_LONG 511"] == 2 * 9, "each interval once more"
     periods_ns = vehicle.px4.link.streams._period_ns
-    assert periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 50 and periods_ns["CURRENT_MODE"] == NS_PER_S // 20
+    assert periods_ns["LOCAL_POSITION_NED"] == periods_ns["CURRENT_MODE"] == NS_PER_S // 20
     vehicle.run(2.0)
     assert vehicle.state().firmware == "1.16.1" and vehicle.state().mode is FlightMode.HOLD
     told = [event.text for event in vehicle.edge.take_events()]
@@ -88,6 +88,19 @@ def test_a_restarted_vehicle_is_asked_again_at_once_and_its_old_state_is_forgott
     assert offset_ns is not None
     own_ns = vehicle.px4.link.clock.ns(vehicle.clock.now_ns())
     assert vehicle.clock.now_ns() + offset_ns == pytest.approx(own_ns, abs=5_000_000)
+
+
+def test_a_vehicle_tells_its_place_oftener_while_it_is_armed() -> None:
+    vehicle = VirtualVehicle()
+    vehicle.run(2.0)
+    periods_ns = vehicle.px4.link.streams._period_ns
+    assert periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 20
+    vehicle.px4.commander.arm(vehicle.clock.now_ns())
+    vehicle.run(1.3)  # HEARTBEAT tells it once a second
+    assert vehicle.state().armed and periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 50
+    vehicle.px4.commander.disarm()
+    vehicle.run(1.3)
+    assert not vehicle.state().armed and periods_ns["LOCAL_POSITION_NED"] == NS_PER_S // 20
 
 
 def test_intervals_that_were_lost_on_the_way_are_asked_for_again() -> None:
@@ -365,7 +378,7 @@ def test_what_is_asked_for_at_the_beginning() -> None:
         "a late heartbeat, and both at the beginning"
     )
     wanted_hz = {
-        "LOCAL_POSITION_NED": 50, "ATTITUDE": 20, "CURRENT_MODE": 20, "EXTENDED_SYS_STATE": 5, "BATTERY_STATUS": 1,
+        "LOCAL_POSITION_NED": 20, "ATTITUDE": 20, "CURRENT_MODE": 20, "EXTENDED_SYS_STATE": 5, "BATTERY_STATUS": 1,
         "SYS_STATUS": 2, "ESTIMATOR_STATUS": 2, "RC_CHANNELS": 5, "ODOMETRY": 20,
     }  # fmt: skip
     assert {name: NS_PER_S / periods_ns[name] for name in wanted_hz} == wanted_hz
