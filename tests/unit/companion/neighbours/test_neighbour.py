@@ -58,3 +58,15 @@ def test_an_impossible_jump_is_refused_until_it_has_settled() -> None:
     assert answers == [False] * 4 + [True] * 4
     assert beacon.refused.impossible_jump == 5
     assert len(beacon.poses()[0]) == 20  # nothing of the time before the step
+
+
+def test_a_datagram_that_waited_was_heard_when_it_arrived() -> None:
+    clock = ManualClock(100 * NS_PER_S)
+    told: list[tuple[int, int, int]] = []
+    receiver = NeighbourReceiver(1, {2: "beacon"}, {2: KEYS}, clock, on_accepted=lambda *one: told.append(one))
+    arrived_ns = clock.now_ns() - 15_000_000
+    sent = datagram(0)
+    assert receiver.take(wire.encode(sent, KEY), arrived_ns)
+    beacon = receiver.neighbours[2]
+    assert beacon.heard_ns == arrived_ns and beacon.received[0][0] == arrived_ns
+    assert told == [(2, sent.sent_ns, arrived_ns)], "what it is told of the way back bounds its clock too"

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
+from companion.core.clock import MonotonicClock
 from companion.radio.card import ChannelSample, Radio
 from companion.replay.recorded import RecordedCsi
 from companion.sim.radio import simulate_exchanges
@@ -17,6 +21,7 @@ from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.rate import Rate
 from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.records import CSI_CODE
+from csi_bridge.unix_socket import UnixFeeder, UnixSource
 from tests import csi_records, feit_records
 from tests.leg_scene import Scene, mac
 from tests.manual_clock import ManualClock
@@ -78,3 +83,33 @@ def test_losses_are_counted_across_the_wrap_of_the_cards_counter() -> None:
     radio.drain()
     assert radio.counters.lost == 31
     assert radio.counters.samples == len(kept)
+
+
+def test_a_record_is_stamped_when_it_arrived_however_late_it_is_read(tmp_path: Path) -> None:
+    recorded_ns: list[int] = []
+    samples: list[ChannelSample] = []
+    source, feeder = UnixSource(tmp_path / "csi"), UnixFeeder(tmp_path / "csi")
+    radio = Radio(
+        source, {csi_records.MAC: 3}, MonotonicClock(), samples.append, lambda t_ns, *_: recorded_ns.append(t_ns)
+    )
+    begun_us, sent_ns = time.monotonic_ns() // 1000, list[int]()
+    for _ in range(4):
+        sent_ns.append(time.monotonic_ns())
+        record = replace(csi_records.record(), timestamp_low_us=(sent_ns[-1] // 1000 - begun_us) % (1 << 32))
+        assert feeder.send(CSI_CODE, encode_body(record))
+        time.sleep(0.02)
+    time.sleep(0.05)
+    assert radio.drain() == 4
+    assert recorded_ns == pytest.approx(sent_ns, abs=10_000_000), "to the kernel it came when it was sent"
+    assert [sample.t_mono_ns for sample in samples] == pytest.approx(sent_ns, abs=10_000_000)
+    feeder.close()
+    source.close()
+
+
+def test_in_a_replay_each_record_arrives_when_the_log_says() -> None:
+    recorded_ns: list[int] = []
+    source = RecordedCsi()
+    source.add([(CSI_CODE, encode_body(csi_records.record()))] * 3, [90, None, 200])
+    radio = Radio(source, {}, ManualClock(100), lambda _: None, lambda t_ns, *_: recorded_ns.append(t_ns))
+    assert radio.drain() == 3
+    assert recorded_ns == [90, 100, 100], "never after the event"
