@@ -1,9 +1,9 @@
 """Sockets read as a network driver reads its card: the first datagram wakes us, what follows it is polled.
 
 What wakes an event loop finds caches that are others' by then, and that costs more than a datagram does. So while
-anything arrives, all sockets are read together, once a period, and none is watched; a turn that finds nothing has them
-watched again (as the kernel's NAPI does). Within a socket nothing is lost or changes places: what is not read yet waits
-there.
+anything arrives, all sockets are read together, once a period, and one that had something since the turn before is not
+watched until the next (as the kernel's NAPI does). One that had nothing is watched: what its sender was late with comes
+in a burst, which a Unix socket's short queue does not hold for a period. Within a socket nothing changes places.
 
 What is read late must not be stamped late. Datagrams bring times of their own, or the kernel's (`csi_bridge.arrival`).
 Where there are none, the first datagram behind each turn is still read at once.
@@ -12,6 +12,7 @@ Where there are none, the first datagram behind each turn is still read at once.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 from typing import Final, Protocol
 
@@ -41,22 +42,24 @@ class CoalescedReaders:
         self._period_s = period_s
         self._drains: dict[int, Drain] = {}
         self._unstamped: set[int] = set()
+        self._watched: set[int] = set()
+        self._found: Counter[int] = Counter()
+        """Datagrams since the last turn."""
         self._timer: asyncio.TimerHandle | None = None
-        """Of the next turn; None while the sockets are watched."""
+        """Of the next turn; None while nothing arrives."""
 
     def add_reader(self, fd: int, callback: Drain, /, is_stamped: bool = True) -> None:
         """`is_stamped`: when each datagram arrived is known, however late it is read."""
         self._drains[fd] = callback
         if not is_stamped:
             self._unstamped.add(fd)
-        if self._timer is None or not is_stamped:
-            self._loop.add_reader(fd, self._woken, fd)
+        self._watch(fd)
 
     def remove_reader(self, fd: int, /) -> None:
         """Harmless when repeated. Before the socket is closed: its number may be another's then."""
-        if self._drains.pop(fd, None) is not None:
-            self._unstamped.discard(fd)
-            self._loop.remove_reader(fd)
+        self._ignore(fd)
+        self._unstamped.discard(fd)
+        self._drains.pop(fd, None)
         if not self._drains and self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -68,26 +71,37 @@ class CoalescedReaders:
 
     def _woken(self, fd: int) -> None:
         if self._timer is None:
-            for one in self._drains:
-                self._loop.remove_reader(one)
-            self._turn()
-        else:
-            self._loop.remove_reader(fd)  # one that is not stamped: until the next turn
-            self._drain(fd)
+            self._timer = self._loop.call_later(self._period_s, self._turn)
+        elif fd in self._unstamped:
+            self._ignore(fd)
+        self._drain(fd)
 
     def _turn(self) -> None:
-        self._timer = None
-        most = max([self._drain(fd) for fd in list(self._drains)], default=0)
-        if most:
+        self.read()
+        found, self._found = self._found, Counter()
+        most, self._timer = max(found.values(), default=0), None
+        if most and self._drains:
             wait_s = 0.0 if most >= AT_ONCE else self._period_s * min(1.0, _FEW / most)
             self._timer = self._loop.call_later(wait_s, self._turn)
-        for fd in self._unstamped if most else self._drains:
+        for fd in self._drains:
+            if found[fd] and fd not in self._unstamped:
+                self._ignore(fd)
+            else:
+                self._watch(fd)
+
+    def _watch(self, fd: int) -> None:
+        if fd not in self._watched:
+            self._watched.add(fd)
             self._loop.add_reader(fd, self._woken, fd)
 
-    def _drain(self, fd: int) -> int:
+    def _ignore(self, fd: int) -> None:
+        if fd in self._watched:
+            self._watched.discard(fd)
+            self._loop.remove_reader(fd)
+
+    def _drain(self, fd: int) -> None:
         drain = self._drains.get(fd)  # one before it may have closed it
         try:
-            return 0 if drain is None else drain()
+            self._found[fd] += 0 if drain is None else drain()
         except Exception as error:  # noqa: BLE001 - one that fails is told as the loop tells it, and stops no other
             self._loop.call_exception_handler({"message": f"Exception in callback {drain!r}", "exception": error})
-            return 0

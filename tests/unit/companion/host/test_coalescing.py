@@ -81,28 +81,76 @@ async def test_a_stream_is_read_in_batches_whole_and_in_order() -> None:
         assert _watched(asyncio.get_running_loop(), *inlets) == [True, True], "after silence"
 
 
-async def test_the_first_after_silence_is_read_at_once() -> None:
+async def _polled(readers: CoalescedReaders, *inlets: _Inlet) -> None:
+    """Until something was found in each at a turn."""
+    for _ in range(100):
+        for inlet in inlets:
+            inlet.theirs.send(b"x")
+        await asyncio.sleep(0.005)
+        if not any(_watched(asyncio.get_running_loop(), *inlets)):
+            return
+    raise AssertionError("still watched")
+
+
+async def test_the_first_after_silence_is_read_at_once_and_later_ones_wait() -> None:
     with _inlets(1) as (inlet,):
-        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers = CoalescedReaders(asyncio.get_running_loop(), _PERIOD_S)
         readers.add_reader(inlet.ours.fileno(), inlet.drain)
         inlet.theirs.send(b"first")
         await asyncio.sleep(0.02)
         assert inlet.read == [b"first"]
-        inlet.theirs.send(b"second")
+        await _polled(readers, inlet)
+        readers._period_s = 30.0
+        await _turned(inlet)
+        inlet.theirs.send(b"waits")
         await asyncio.sleep(0.02)
-        assert inlet.read == [b"first"], "it waits for the next turn"
+        assert inlet.read[-1] == b"x"
         readers.read()
-        assert inlet.read == [b"first", b"second"], "or for whoever needs the newest"
+        assert inlet.read[-1] == b"waits", "or for whoever needs the newest"
         readers.remove_reader(inlet.ours.fileno())
+
+
+async def _turned(inlet: _Inlet) -> None:
+    """Until the next turn."""
+    inlet.theirs.send(b"x")
+    before = len(inlet.read)
+    for _ in range(100):
+        await asyncio.sleep(0.005)
+        if len(inlet.read) > before:
+            return
+    raise AssertionError("no turn")
+
+
+async def test_a_sender_that_was_late_may_send_all_at_once() -> None:
+    """More than a Unix socket holds: it had been found empty, so each wakes us."""
+    with _inlets(2) as (steady, late):
+        readers = CoalescedReaders(asyncio.get_running_loop(), _PERIOD_S)
+        for inlet in (steady, late):
+            readers.add_reader(inlet.ours.fileno(), inlet.drain)
+        await _polled(readers, steady, late)
+        for _ in range(100):
+            steady.theirs.send(b"x")
+            await asyncio.sleep(0.005)
+            if _watched(asyncio.get_running_loop(), late)[0]:
+                break
+        before = len(late.batches)
+        for _ in range(4):
+            late.theirs.send(b"late")
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+        assert len(late.batches) - before >= 2, "none waits for a turn"
+        for inlet in (steady, late):
+            readers.remove_reader(inlet.ours.fileno())
 
 
 async def test_of_a_socket_without_stamps_the_first_behind_each_turn_is_read_at_once() -> None:
     with _inlets(2) as (stamped, unstamped):
-        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers = CoalescedReaders(asyncio.get_running_loop(), _PERIOD_S)
         readers.add_reader(stamped.ours.fileno(), stamped.drain)
         readers.add_reader(unstamped.ours.fileno(), unstamped.drain, is_stamped=False)
-        stamped.theirs.send(b"begins")
-        await asyncio.sleep(0.02)
+        await _polled(readers, stamped)
+        readers._period_s = 30.0
+        await _turned(stamped)
         for data in (b"1", b"2"):
             unstamped.theirs.send(data)
             await asyncio.sleep(0.02)
@@ -114,27 +162,16 @@ async def test_of_a_socket_without_stamps_the_first_behind_each_turn_is_read_at_
 async def test_where_a_drain_has_left_some_they_are_read_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "AT_ONCE", 40)
     with _inlets(1) as (inlet,):
-        readers = CoalescedReaders(asyncio.get_running_loop(), 30.0)
+        readers = CoalescedReaders(asyncio.get_running_loop(), _PERIOD_S)
         readers.add_reader(inlet.ours.fileno(), lambda: inlet.drain(40))
+        await _polled(readers, inlet)
         sent = [b"%d" % number for number in range(100)]
         for data in sent:
             inlet.theirs.send(data)
-        await asyncio.sleep(0.05)
-        assert [len(batch) for batch in inlet.batches] == [40, 40, 20]
-        assert inlet.read == sent
-        readers.remove_reader(inlet.ours.fileno())
-
-
-async def test_a_fast_stream_is_read_oftener_so_that_a_short_queue_holds_it() -> None:
-    with _inlets(1) as (inlet,):
-        readers = CoalescedReaders(asyncio.get_running_loop(), 1.0)
-        readers.add_reader(inlet.ours.fileno(), inlet.drain)
-        for _ in range(60):  # the first alone; 60 are ten times as many as may wait
-            inlet.theirs.send(b"x")
-        await asyncio.sleep(0.02)
-        inlet.theirs.send(b"y")
-        await asyncio.sleep(0.5)
-        assert inlet.read[-1] == b"y", "a tenth of the period later"
+        await asyncio.sleep(2 * _PERIOD_S)
+        assert inlet.read[-100:] == sent
+        assert [len(batch) for batch in inlet.batches[-3:-1]] == [40, 40]
+        assert inlet.read_s[-1] - inlet.read_s[-3] < _PERIOD_S
         readers.remove_reader(inlet.ours.fileno())
 
 
@@ -146,9 +183,7 @@ async def test_it_ends_cleanly_watched_or_polled(is_polled: bool) -> None:
         for inlet in inlets:
             readers.add_reader(inlet.ours.fileno(), inlet.drain)
         if is_polled:
-            inlets[0].theirs.send(b"x")
-            await asyncio.sleep(_PERIOD_S / 2)
-            assert _watched(loop, *inlets) == [False, False]
+            await _polled(readers, *inlets)
         for inlet in inlets:
             readers.remove_reader(inlet.ours.fileno())
             readers.remove_reader(inlet.ours.fileno())
