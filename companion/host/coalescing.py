@@ -7,6 +7,9 @@ in a burst, which a Unix socket's short queue does not hold for a period. Within
 
 What is read late must not be stamped late. Datagrams bring times of their own, or the kernel's (`csi_bridge.arrival`).
 Where there are none, the first datagram behind each turn is still read at once.
+
+That is for a service that waits. While a vehicle flies each datagram is read when it comes: a loop that is late has
+then lost nothing yet, and the processor's time is worth less than a pose.
 """
 
 from __future__ import annotations
@@ -35,11 +38,17 @@ class Readers(Protocol):
 
 
 class CoalescedReaders:
-    """For one event loop. `period_s` is how long a datagram may wait there."""
+    """For one event loop. `period_s` is how long a datagram may wait there, while `may_wait` says that it may."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, period_s: float = PERIOD_S) -> None:
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        period_s: float = PERIOD_S,
+        may_wait: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._loop = loop
         self._period_s = period_s
+        self._may_wait = may_wait
         self._drains: dict[int, Drain] = {}
         self._unstamped: set[int] = set()
         self._watched: set[int] = set()
@@ -71,7 +80,8 @@ class CoalescedReaders:
 
     def _woken(self, fd: int) -> None:
         if self._timer is None:
-            self._timer = self._loop.call_later(self._period_s, self._turn)
+            if self._may_wait():
+                self._timer = self._loop.call_later(self._period_s, self._turn)
         elif fd in self._unstamped:
             self._ignore(fd)
         self._drain(fd)
@@ -80,7 +90,9 @@ class CoalescedReaders:
         self.read()
         found, self._found = self._found, Counter()
         most, self._timer = max(found.values(), default=0), None
-        if most and self._drains:
+        if not self._may_wait():
+            found.clear()
+        elif most and self._drains:
             wait_s = 0.0 if most >= AT_ONCE else self._period_s * min(1.0, _FEW / most)
             self._timer = self._loop.call_later(wait_s, self._turn)
         for fd in self._drains:

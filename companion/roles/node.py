@@ -100,14 +100,19 @@ class Node:
         self._link = Link(self.config)
         self._reader.check()
 
-    async def run(self, begin_end: Callable[[BaseException], None] = lambda error: None) -> None:
-        """Reads until cancelled, then closes what it opened. `begin_end` is told at once when a part fails."""
+    async def run(
+        self,
+        begin_end: Callable[[BaseException], None] = lambda error: None,
+        may_wait: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Reads until cancelled, then closes what it opened. `begin_end` is told at once when a part fails; `may_wait`
+        says whether what arrives may wait a little, to be read together."""
         loop = asyncio.get_running_loop()
         if self._link is None:
             self.open()
         link = self._link
         assert link is not None
-        self._readers = readers = CoalescedReaders(loop, _period_s(self.config))
+        self._readers = readers = CoalescedReaders(loop, _period_s(self.config), may_wait)
         readers.add_reader(self._source.fileno(), self.take_csi, self._source.is_stamped)
         link.attach(readers, self._drain_link)
         if self._pinger is not None:

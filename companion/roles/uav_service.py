@@ -19,6 +19,7 @@ from companion.host.ending import Ending, Parts
 from companion.host.notify import feed_watchdog, notify
 from companion.host.priority import keep_priority, raise_priority
 from companion.log.feed import introduction
+from companion.mission.table import AT_REST
 from companion.pose.port import PoseSink
 from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
@@ -68,6 +69,10 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         make_autopilot=make_autopilot,
         worker=worker,
     )
+
+    def may_wait() -> bool:
+        return uav.flight.state in AT_REST and not edges[-1].state().armed
+
     team = TeamOf(uav.node)
     tag_camera = TagCamera(config, lambda frame: _take_tags(uav, frame))
     uav.sar.iterations.connect(team.add_iteration)
@@ -80,7 +85,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
         await control.open()
         without = raise_priority()
         async with Parts(ending.begin) as tasks:
-            tasks.create_task(uav.node.run(ending.begin), name="node")
+            tasks.create_task(uav.node.run(ending.begin, may_wait), name="node")
             tasks.create_task(worker.run(), name="aoa")
             tasks.create_task(control.run(), name="control")
             tasks.create_task(uav.autopilot.run(), name="autopilot")

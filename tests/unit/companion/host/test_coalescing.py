@@ -216,3 +216,43 @@ async def test_one_that_closes_another_or_fails_stops_no_other() -> None:
         assert [str(context["exception"]) for context in told] == 3 * ["no such card"]
         for inlet in (fails, closes):
             readers.remove_reader(inlet.ours.fileno())
+
+
+class _Loop:
+    """What an event loop was asked for."""
+
+    def __init__(self) -> None:
+        self.watched: dict[int, Callable[[], None]] = {}
+        self.turns: list[Callable[[], None]] = []
+
+    def add_reader(self, fd: int, callback: Callable[..., None], *args: object) -> None:
+        self.watched[fd] = lambda: callback(*args)
+
+    def remove_reader(self, fd: int) -> None:
+        self.watched.pop(fd, None)
+
+    def call_later(self, delay_s: float, callback: Callable[[], None]) -> None:
+        self.turns.append(callback)
+
+
+def test_where_nothing_may_wait_each_datagram_is_read_when_it_comes() -> None:
+    loop, may_wait, taken = _Loop(), False, list[int]()
+    readers = CoalescedReaders(loop, _PERIOD_S, lambda: may_wait)  # type: ignore[arg-type]
+
+    def drain() -> int:
+        taken.append(7)
+        return 1
+
+    readers.add_reader(7, drain)
+    for _ in range(5):
+        loop.watched[7]()
+    assert len(taken) == 5 and not loop.turns, "in flight no turn is waited for"
+    may_wait = True
+    loop.watched[7]()
+    loop.turns.pop()()
+    assert len(taken) == 7 and 7 not in loop.watched and len(loop.turns) == 1, "at rest the next turn reads"
+    may_wait = False
+    loop.turns.pop()()
+    assert len(taken) == 8 and 7 in loop.watched and not loop.turns, (
+        "a flight begins: watched again, nothing left behind"
+    )
