@@ -134,9 +134,18 @@ def compiled(function: Function) -> Function:
     return _compiled(function)
 
 
+def shared(function: Function) -> Function:
+    """The same for a function that Python and other compiled ones call.
+
+    It is part of the machine code of each that calls it, always. Where the compiler may choose, each of them brings a
+    copy of its own that rounds in its own way, and the copy that a process happens to load first serves them all: one
+    that compiles would not give the last digits of one that reads the cache, and a flight not those of its replay."""
+    return _compiled(function, forceinline=True)
+
+
 def inner(function: Function) -> Function:
     """The same for a function that only other compiled ones call: there is less to compile without its entrances."""
-    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _compiled(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def _compiled(function: Function, **more: Any) -> Function:
@@ -157,7 +166,7 @@ def _aligned(shape: tuple[int, ...]) -> Array32:
     return raw[start : start + size].reshape(shape)
 
 
-@compiled
+@shared
 def phasor(r: np.float32) -> tuple[np.float32, np.float32]:
     """Cosine and sine of r turns, |r| <= 1/2, float32: by the half angle, so that no quadrant has to be told."""
     q = r * r
@@ -166,7 +175,7 @@ def phasor(r: np.float32) -> tuple[np.float32, np.float32]:
     return _ONE - _TWO * s * s, _TWO * s * c
 
 
-@compiled
+@shared
 def phasors(turns: Array32 | Array64, cosine: Array32, sine: Array32) -> None:
     """cosine and sine (n,) of the angles `turns` (n,): reduced in float64, so that long apertures lose nothing."""
     for k in range(turns.size):

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, inner, phasor
+from wsr.kernel import compiled, inner, phasor, shared
 from wsr.ofdm import LAG, UNIT_HZ, Grid
 from wsr.skeleton import condensed
 
@@ -201,7 +201,7 @@ def _pieces(owners: Indices, sizes: Indices, segment: Indices, resign: bool) -> 
     return rows[:count].copy()
 
 
-@compiled
+@shared
 def score_grid(
     x: Array32,
     x2: Array32,

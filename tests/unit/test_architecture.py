@@ -96,3 +96,22 @@ def test_a_module_of_wsr_imports_and_calls_nothing_outside_maths(module: Path) -
 
 def test_modules_of_wsr_are_found() -> None:
     assert {"aoa.py", "kernel.py"} <= {module.name for module in _WSR}
+
+
+def test_what_compiled_functions_call_is_part_of_their_machine_code() -> None:
+    """`inner` or `shared`: linked, it would round one way in a process that compiles and another in one that reads the
+    cache (`wsr.kernel.shared`)."""
+    kinds: dict[str, str] = {}
+    calls: set[tuple[str, str]] = set()
+    for module in _WSR:
+        for node in ast.walk(ast.parse(module.read_text())):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
+            if found := marks & {"compiled", "inner", "shared"}:
+                kinds[node.name] = found.pop()
+                called = {one.func for one in ast.walk(node) if isinstance(one, ast.Call)}
+                calls |= {(node.name, name.id) for name in called if isinstance(name, ast.Name)}
+    linked = [f"{by} calls {name}" for by, name in sorted(calls) if kinds.get(name) == "compiled"]
+    assert len(kinds) > 20
+    assert not linked, "; ".join(linked)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -227,3 +229,30 @@ def test_nothing_is_compiled_after_the_warm_up() -> None:
     """The first real aperture must not be the one that compiles: the worker would be taken for one that hangs."""
     ended = subprocess.run([sys.executable, "-c", _PROGRAM], cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
+
+
+_DIGEST = """
+import hashlib
+from tests.unit.wsr.scene import WAVELENGTH_M, circle, exchange, weave
+from wsr.aperture import make_aperture
+from wsr.estimators.robust import Robust
+
+found = hashlib.sha256()
+for t, p in (weave(220), weave(900), circle(300)):
+    there, back = exchange(p, p.mean(axis=0) + [[4.0, 3.0, -1.0]])
+    aperture = make_aperture(t, p, (there * back).mean(axis=1), WAVELENGTH_M, forward=there, reverse=back)
+    found.update(repr(Robust().estimate(aperture)[0]).encode())
+print(found.hexdigest())
+"""
+
+
+@pytest.mark.long
+def test_who_compiles_gives_the_last_digits_of_who_reads_the_cache(tmp_path: Path) -> None:
+    """Else a flight whose worker found the cache empty would not replay as it was flown."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", _DIGEST]
+    compiling, reading = (
+        subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    )
+    assert compiling == reading
