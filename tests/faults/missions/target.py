@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose, Vector3
@@ -72,6 +73,10 @@ class DrawnWindow:
 
     def at(self, t_ns: int) -> Vector3:
         return min(self._path, key=lambda one: abs(one[0] - t_ns))[1]
+
+    def body_at(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        times_ns, places_m = np.array([t for t, _ in self._path]), np.array([p for _, p in self._path])
+        return np.stack([np.interp(t_ns, times_ns, places_m[:, axis]) for axis in range(3)], axis=1)
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         places = [p for t_ns, p in self._path if start_ns <= t_ns <= end_ns]
