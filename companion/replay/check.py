@@ -81,6 +81,8 @@ def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
                 known = slice(_RANGE if no_range else None)
                 a, b = (np.array(one[key], float)[known, known] for one in (ours, theirs))
                 yield from _covariance_differs(at, a, b)
+            elif key == "covariance_m2" and all(isinstance(one.get(key), list) for one in (ours, theirs)):
+                yield from _place_differs(at, np.array(ours[key], float), np.array(theirs[key], float))
             else:
                 yield from differences(at, ours.get(key), theirs.get(key))
     elif isinstance(ours, list) and isinstance(theirs, list):
@@ -91,6 +93,13 @@ def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
             yield from differences(f"{path}[{index}]", a, b)
     elif not _same(path, ours, theirs):
         yield f"{path} was {ours}, is {theirs}"
+
+
+def _place_differs(at: str, ours: Array, theirs: Array) -> Iterator[str]:
+    """Covariances (3, 3) of a place: each as a share of both deviations."""
+    scale = RELATIVE * np.sqrt(np.outer(np.diag(ours), np.diag(ours)))
+    for i, j in np.argwhere(~(np.abs(ours - theirs) <= scale)).tolist():
+        yield f"{at}[{i}][{j}] was {ours[i, j]}, is {theirs[i, j]}"
 
 
 def _check_stream(

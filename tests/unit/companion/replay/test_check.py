@@ -80,3 +80,13 @@ def test_a_range_that_both_do_not_have_is_no_difference() -> None:
 )
 def test_tolerances_follow_the_unit(name: str, ours: Any, theirs: Any, same: bool) -> None:
     assert (list(differences("", {name: ours}, {name: theirs})) == []) is same
+
+
+def test_covariances_of_a_place_may_round_by_a_share_of_both_deviations() -> None:
+    place = [[9.0, 0.05, 0.0], [0.05, 4.0, 0.1], [0.0, 0.1, 1.0]]
+    rounded = [[9.05, 0.06, 0.0], [0.06, 4.03, 0.1], [0.0, 0.1, 1.0]]
+    assert list(differences("target", {"covariance_m2": place}, {"covariance_m2": rounded})) == []
+    rounded[0][1] = 0.2
+    assert list(differences("target", {"covariance_m2": place}, {"covariance_m2": rounded})) == [
+        "target.covariance_m2[0][1] was 0.05, is 0.2"
+    ]
