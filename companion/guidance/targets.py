@@ -15,6 +15,7 @@ from companion.guidance.target import Target
 from companion.guidance.tracker import TargetTracker
 from companion.neighbours.neighbour import Neighbour
 from companion.safety.gate import GateLimits
+from companion.sensing.frame_turn import DRIFT
 from companion.sensing.records import Bearing
 
 _KNOWN_STD_M: Final = 1.0
@@ -40,7 +41,7 @@ class Targets:
         arrival_range_m: float,
         arrival_confidence: float,
         limits: GateLimits,
-        drift: float = 0.025,
+        drift: float = DRIFT,
     ) -> None:
         """`drift` is the share of the way by which poses part from the truth."""
         self._drift = drift

@@ -24,7 +24,7 @@ from companion.guidance.loudness import Loudness
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
-from companion.sensing.frame_turn import DRIFT_ALIKE_M
+from companion.sensing.frame_turn import DRIFT, DRIFT_ALIKE_M
 from companion.sensing.records import Bearing
 from wsr.geometry import direction
 
@@ -66,7 +66,7 @@ _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
-    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None, drift: float = 0.025) -> None:
+    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None, drift: float = DRIFT) -> None:
         """`allowed` says of places (N, 3) in the local frame whether the target may be there, for a belief on that
         condition; `drift` by which share of the way of both robots their poses part from the truth."""
         self._allowed = allowed

@@ -18,6 +18,8 @@ Floats = npt.NDArray[np.float64]
 
 NORTH_STD_RAD: Final = math.radians(9.0)
 """How well North is known before the flight shows it."""
+DRIFT: Final = 0.025
+"""Share of the way by which a T265's poses part from the truth along each axis (study `vio`)."""
 DRIFT_ALIKE_M: Final = 5.0
 """Over so much of a way poses drift off in the same direction."""
 _WANDER_M: Final = 0.05

@@ -18,7 +18,7 @@ from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import ANSWER, APERTURE, BEARING, PROFILE, WORKER
 from companion.neighbours.neighbour import Neighbour
-from companion.sensing.frame_turn import UNKNOWN, FrameTurn, frame_turn
+from companion.sensing.frame_turn import DRIFT, UNKNOWN, FrameTurn, frame_turn
 from companion.sensing.history import History
 from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import ApertureRecord, Iteration
@@ -62,7 +62,7 @@ class SarIterations:
         recorder: Recorder,
         lookalikes: Lookalikes,
         pose_problem: Callable[[int, int], str],
-        drift: float = 0.025,
+        drift: float = DRIFT,
     ) -> None:
         """`pose_problem` says why an aperture between two times cannot be trusted, or nothing. Poses drift off
         by a share `drift` of the way."""
