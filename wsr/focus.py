@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.geometry import direction
-from wsr.kernel import compiled, inner
+from wsr.machine_code import compiled, inner
 from wsr.subapertures import SubApertures, delay_weight, score, score_grid
 
 # A step of the refinement stays within 1.5 of its own grid; the grid shrinks to a twentieth of a beam width.

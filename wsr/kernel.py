@@ -8,24 +8,18 @@ direction (t, p) let a = sin t (x cos p + y sin p) and b = z cos t, in turns.
 - 2a = f(t+p) - f(p-t) with f(q) = x sin q - y cos q, and f(q + pi) = -f(q). On a grid with one step in both angles f
   has as many values as there are rows, so that phasors come from one small table, the wave, and e^{-ja} is one complex
   product.
-
-Machine code is cached next to this file, or where NUMBA_CACHE_DIR says, or nowhere if nothing can be written. The first
-call of a process loads it, or compiles it for some seconds: a worker calls `warm_up` before it reports ready.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import config, njit
-from numba.core.codegen import get_host_cpu_features
 from numpy.typing import NDArray
 
 from wsr.directions import ROWS, grid
+from wsr.machine_code import compiled, inner, shared
 
 Array32 = NDArray[np.float32]
 Array64 = NDArray[np.float64]
@@ -51,8 +45,6 @@ _WIDE = 184
 _STRIDE = 368
 # float32 in a cache line of 64 bytes.
 _LINE = 16
-
-Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def bartlett_power(chi_half_wavelengths: Array64, channel: NDArray[np.complex128], rows: int = ROWS) -> Array32:
@@ -115,46 +107,6 @@ def warm_up() -> None:
     """Load or compile the machine code, so that the first real profile is as fast as the rest."""
     for packets in (1, _FEW + 1):
         bartlett_power(np.zeros((packets, 3)), np.ones(packets, np.complex128), 2)
-
-
-def _use_whole_registers() -> None:
-    """LLVM uses half of each 512-bit register where some relatives of a processor slow down in whole ones; sums as long
-    as these gain a fifth from whole ones all the same. Whoever chooses a processor for Numba is left with it."""
-    settings, features = vars(config), get_host_cpu_features()
-    if settings["CPU_NAME"] is None and settings["CPU_FEATURES"] is None and "+avx512f" in features:
-        settings["CPU_FEATURES"] = features + ",-prefer-256-bit"
-
-
-_use_whole_registers()
-
-
-def compiled(function: Function) -> Function:
-    """Machine code for a function. `reassoc` lets the compiler add packets in vector lanes, `contract` use fused
-    multiply-add; no flag assumes NaN away."""
-    return _compiled(function)
-
-
-def shared(function: Function) -> Function:
-    """The same for a function that Python and other compiled ones call.
-
-    It is part of the machine code of each that calls it, always. Where the compiler may choose, each of them brings a
-    copy of its own that rounds in its own way, and the copy that a process happens to load first serves them all: one
-    that compiles would not give the last digits of one that reads the cache, and a flight not those of its replay."""
-    return _compiled(function, forceinline=True)
-
-
-def inner(function: Function) -> Function:
-    """The same for a function that only other compiled ones call: there is less to compile without its entrances."""
-    return _compiled(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-def _compiled(function: Function, **more: Any) -> Function:
-    options: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}, "error_model": "numpy"} | more
-    try:
-        return cast(Function, njit(cache=True, **options)(function))
-    except RuntimeError:
-        # There is no place to write a cache to; then every process compiles for itself.
-        return cast(Function, njit(**options)(function))
 
 
 def _aligned(shape: tuple[int, ...]) -> Array32:

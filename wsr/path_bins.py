@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled
+from wsr.machine_code import compiled
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

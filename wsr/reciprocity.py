@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, inner, phasor
+from wsr.kernel import phasor
+from wsr.machine_code import compiled, inner
 from wsr.ofdm import Grid, known
 
 _LANES = 16

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, inner
+from wsr.machine_code import compiled, inner
 
 _LEVELS = 8192
 

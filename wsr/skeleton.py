@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, inner
+from wsr.machine_code import compiled, inner
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

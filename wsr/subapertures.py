@@ -24,7 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import compiled, inner, phasor, shared
+from wsr.kernel import phasor
+from wsr.machine_code import compiled, inner, shared
 from wsr.ofdm import LAG, UNIT_HZ, Grid
 from wsr.skeleton import condensed
 

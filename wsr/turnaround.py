@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.channel import SPEED_OF_LIGHT_M_S
-from wsr.kernel import compiled, phasors
+from wsr.kernel import phasors
+from wsr.machine_code import compiled
 
 MAX_OFFSET_HZ = 100e3
 """Twice 10 parts per million of 5 GHz, what the standard allows each end, is 116 kHz; the recordings have up to 45."""
