@@ -68,6 +68,9 @@ class Knowledge:
             arrival_confidence=config.mission.arrival_confidence,
             limits=gate_limits(config),
             drift=config.pose_drift,
+            antenna_heights_m={
+                peer.id: peer.antenna_height_m for peer in config.peers if peer.antenna_height_m is not None
+            },
         )
         self.camera: CameraLead | None = None
         """Where one is configured."""
@@ -77,6 +80,8 @@ class Knowledge:
         self._packet_ns: dict[int, int] = {}
         self._packets = 0
         self._blind_legs = 0.0
+        self._flown_ns = 0
+        """The end of the path that blind legs have been counted of: apertures overlap."""
         self._tries = 0
         self._iterations: dict[int, Iteration] = {}
 
@@ -233,7 +238,9 @@ class Knowledge:
 
     def _note(self, iteration: Iteration, steers: bool) -> None:
         self._packets = 0
-        self._blind_legs += iteration.fresh
+        fresh_ns = iteration.end_ns - max(iteration.start_ns, self._flown_ns)
+        self._blind_legs += max(0, fresh_ns) / max(1, iteration.end_ns - iteration.start_ns)
+        self._flown_ns = max(self._flown_ns, iteration.end_ns)
         if iteration.estimate is None:
             _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
             return

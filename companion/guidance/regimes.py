@@ -43,9 +43,9 @@ class Regime(NamedTuple):
 
 KIND: Final = Regime(
     prior=0.4,
-    across_std_rad=math.radians(2.2),
-    down_std_rad=math.radians(2.7),
-    elevation_std_rad=math.radians(3.0),
+    across_std_rad=math.radians(2.0),
+    down_std_rad=math.radians(2.2),
+    elevation_std_rad=math.radians(1.8),
     reported=(0.93, 0.9, 0.06),
     others=0.1,
     unseen=(0.12, 0.62),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -42,11 +43,14 @@ class Targets:
         arrival_confidence: float,
         limits: GateLimits,
         drift: float = DRIFT,
+        antenna_heights_m: Mapping[int, float] = MappingProxyType({}),
     ) -> None:
-        """`drift` is the share of the way by which poses part from the truth."""
+        """`drift` is the share of the way by which poses part from the truth; `antenna_heights_m` by robot how high
+        above the ground its antenna is, of those that stand on it."""
         self._drift = drift
+        self._antenna_heights_m = antenna_heights_m
         self._reach = Reach(limits, _BEYOND * arrival_range_m)
-        self._inside = TargetTracker(self._reach, drift)
+        self._inside = self._new_tracker(target, self._reach)
         """What bearings of the target say on condition that it can be flown to."""
         self._instead: Target | None = None
         """The likeliest source on that condition, where the likeliest of all cannot be flown to."""
@@ -65,7 +69,7 @@ class Targets:
         self._trackers.clear()
         self._near = self._new = 0.0
         self._nearer_m = self._instead = None
-        self._inside = TargetTracker(self._reach, self._drift)
+        self._inside = self._new_tracker(self._target, self._reach)
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -80,7 +84,7 @@ class Targets:
 
     def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
         """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""
-        tracker = self._trackers.setdefault(peer, TargetTracker(drift=self._drift))
+        tracker = self._trackers.setdefault(peer, self._new_tracker(peer))
         found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
             self._nearer_m = tracker.nearer_source()
@@ -99,8 +103,12 @@ class Targets:
         self._near = self._new = 0.0
         tracker = self._trackers.get(peer)
         self._nearer_m = None if tracker is None else tracker.nearer_source()
-        self._inside = TargetTracker(self._reach, self._drift) if tracker is None else tracker.on_condition(self._reach)
+        new = self._new_tracker(peer, self._reach)
+        self._inside = new if tracker is None else tracker.on_condition(self._reach)
         self._instead = None
+
+    def _new_tracker(self, peer: int, allowed: Reach | None = None) -> TargetTracker:
+        return TargetTracker(allowed, self._drift, self._antenna_heights_m.get(peer))
 
     @property
     def target(self) -> Target | None:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
+from companion.guidance.heights import Heights
 from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
@@ -42,6 +43,8 @@ _REACH_M: Final = (0.5, 40.0)
 """Targets are looked for within: radio does not reach much farther indoors."""
 _SPREAD_RAD: Final = math.radians(7.0)
 _TWIN_RAD: Final = math.radians(0.4)
+_TWIN_RANGE, _TWIN_ACROSS = 0.015, 0.005
+"""Twins of places part by so much of the range: along the line of sight, across it."""
 _WALK_M_SQRT_S: Final = 0.02
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
@@ -49,10 +52,6 @@ _CROSSING: Final = 0.6
 """Of new particles: where the new bearing crosses one before, give or take"""
 _CROSSED_STD: Final = 0.2
 _LINES: Final = 20
-_BELOW_GROUND_M: Final = (0.2, 0.25)
-"""Targets stand on the ground the vehicle took off from, or above it: by so much below it they become unlikely."""
-_HEIGHT_M: Final = 2.0
-"""Before anything is seen a target that much higher is less likely by e: a ceiling mirrors one on the floor far up."""
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
@@ -66,10 +65,17 @@ _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 class TargetTracker:
     """Takes bearings of one target. The same bearings give the same target."""
 
-    def __init__(self, allowed: Callable[[_Floats], _Bools] | None = None, drift: float = DRIFT) -> None:
+    def __init__(
+        self,
+        allowed: Callable[[_Floats], _Bools] | None = None,
+        drift: float = DRIFT,
+        antenna_height_m: float | None = None,
+    ) -> None:
         """`allowed` says of places (N, 3) in the local frame whether the target may be there, for a belief on that
-        condition; `drift` by which share of the way of both robots their poses part from the truth."""
+        condition; `drift` by which share of the way of both robots their poses part from the truth;
+        `antenna_height_m` how high above the ground the target's antenna is, where it stands on it."""
         self._allowed = allowed
+        self._heights = Heights(antenna_height_m)
         self._drift = drift
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
@@ -82,7 +88,9 @@ class TargetTracker:
         """Place and direction of the newest bearings."""
         self._loudness = Loudness()
         self._told: _Floats = np.zeros(0)
-        """What received powers have already said of each particle."""
+        """What received powers have already said of each particle,"""
+        self._stood: _Floats = np.zeros(0)
+        """and its height."""
         self._newest: Bearing | None = None
         self._target: Target | None = None
         self._witnesses: Witnesses | None = None
@@ -92,17 +100,20 @@ class TargetTracker:
         target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
             self._witnesses = Witnesses(_place(bearing))
+            self._heights.begin_anew()
             self._lines.clear()
             self._loudness = Loudness()
             self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
             self._told = np.zeros(_PARTICLES)
+            self._stood = np.zeros(_PARTICLES)
             self._origins_m = np.zeros((_PARTICLES, 3))
             self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, _PARTICLES))
             self._share = np.zeros((len(REGIMES), _PARTICLES))
-            density = self._draw(bearing, np.arange(_PARTICLES), _ANYWHERE)
+            density = self._draw(bearing, ground_m, np.arange(_PARTICLES), _ANYWHERE)
             self._share = prior_share(self._elevation_rad)
-            unlikely = self._height_m(self._origins_m, bearing, ground_m).clip(0.0) / _HEIGHT_M
-            self._log_weight = _normalised(-unlikely - np.log(density))
+            self._stood = self._heights.log_prior(self._height_m(self._origins_m, bearing, ground_m))
+            drawn = 0.0 if self._heights.is_expected else self._stood
+            self._log_weight = _normalised(drawn - np.log(density))
             self._weigh(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
@@ -213,9 +224,10 @@ class TargetTracker:
         )
         return np.flatnonzero(inside)
 
-    def _draw(self, bearing: Bearing, which: npt.NDArray[np.intp], anywhere: float) -> _Floats:
+    def _draw(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp], anywhere: float) -> _Floats:
         """Draws the particles `which` (M,) anew: where a bearing and the other paths of its aperture point, and by
-        chance elsewhere, at all ranges. Returns their density (M,) [1 / sr]."""
+        chance elsewhere, at all ranges. Returns their density (M,) [1 / sr]; [1 / rad] of azimuth where a height is
+        expected, at which they are then, whatever bearings say of it."""
         count = len(which)
         paths = [(bearing.azimuth_rad, bearing.polar_rad, 1.0)]
         paths += [(p.azimuth_rad, p.polar_rad, 0.5 * min(1.0, p.relative_power)) for p in bearing.others]
@@ -230,9 +242,10 @@ class TargetTracker:
         polar = np.where(lost | math.isinf(bearing.polar_std_rad), upright, polar)
         off = np.remainder(azimuth - at + math.pi, math.tau) - math.pi
         near = share * np.exp(-0.5 * (off / _SPREAD_RAD) ** 2) / (_SPREAD_RAD * math.sqrt(math.tau))
-        if math.isinf(bearing.polar_std_rad):
+        flat = self._heights.expected_m(self._rng, count) if math.isfinite(ground_m) else None
+        if flat is None and math.isinf(bearing.polar_std_rad):
             near = near / 2.0
-        else:
+        elif flat is None:
             near = near * np.exp(-0.5 * ((polar - down) / _SPREAD_RAD) ** 2) / (_SPREAD_RAD * math.sqrt(math.tau))
             near = near / np.maximum(np.sin(polar), 0.1)
         # As bearings show the place, turned by what all of them are off.
@@ -242,7 +255,10 @@ class TargetTracker:
         units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
         range_m = self._ranges_m(_place(bearing), units)
         self._origins_m[which] = _place(bearing) + range_m[:, None] * units
-        return np.asarray(near.sum(axis=0) + anywhere / (4.0 * math.pi))
+        if flat is None:
+            return np.asarray(near.sum(axis=0) + anywhere / (4.0 * math.pi))
+        self._origins_m[which, 2] = ground_m + flat - bearing.target_p_enu_m[2]
+        return np.asarray(near.sum(axis=0) + anywhere / math.tau)
 
     def _ranges_m(self, place_m: _Floats, units: _Floats) -> _Floats:
         """(M,) along directions (M, 3)."""
@@ -272,6 +288,7 @@ class TargetTracker:
         gone_m = math.dist(before.p_local_enu_m, bearing.p_local_enu_m)
         gone_m += math.dist(before.target_p_enu_m, bearing.target_p_enu_m)
         std_m = math.hypot(self._drift * math.sqrt(DRIFT_ALIKE_M * gone_m), _WALK_M_SQRT_S * math.sqrt(elapsed_s))
+        self._heights.wander(std_m)
         self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
 
     def _turn(self, before: Bearing, bearing: Bearing) -> None:
@@ -315,8 +332,8 @@ class TargetTracker:
 
     def _keep_possible(self, bearing: Bearing, ground_m: float) -> None:
         height_m = self._height_m(self._origins_m, bearing, ground_m)
-        margin_m, scale_m = _BELOW_GROUND_M
-        log_weight = self._log_weight - bearing.fresh * np.maximum(0.0, -(height_m + margin_m) / scale_m)
+        log_weight = self._log_weight + self._heights.log_seen_again(height_m, bearing.fresh, self._stood)
+        self._stood = self._heights.log_prior(height_m)
         if self._allowed is not None:
             places_m = self._origins_m + np.array(bearing.target_p_enu_m)
             log_weight = np.where(self._allowed(places_m), log_weight, log_weight - _EXCLUDED)
@@ -326,9 +343,11 @@ class TargetTracker:
         """The lightest particles die for new ones."""
         count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
         lightest = np.argpartition(self._log_weight, count)[:count]
-        self._draw(bearing, lightest, 0.0)
-        unlikely = self._height_m(self._origins_m[lightest], bearing, ground_m).clip(0.0) / _HEIGHT_M
-        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(_NEWBORN) - unlikely
+        self._draw(bearing, ground_m, lightest, 0.0)
+        stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
+        self._stood[lightest] = stood
+        drawn = 0.0 if self._heights.is_expected else stood
+        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(_NEWBORN) + drawn
         self._share[:, lightest] = self.rooms()[:, None]
         # As good as the others are on the average, until the next power is heard.
         self._told[lightest] = np.exp(self._log_weight) @ self._told
@@ -341,12 +360,11 @@ class TargetTracker:
         chosen = self._systematic(weight / weight.sum(), _PARTICLES)
         assert self._newest is not None
         here_m = _place(self._newest)
-        self._told = self._told[chosen]
+        self._told, self._stood = self._told[chosen], self._stood[chosen]
         offsets_m = self._origins_m[chosen] - here_m
-        # Twins part: by a little in range, by less across.
-        offsets_m *= np.exp(self._rng.normal(0.0, 0.03, _PARTICLES))[:, None]
+        offsets_m *= np.exp(self._rng.normal(0.0, _TWIN_RANGE, _PARTICLES))[:, None]
         range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
-        self._origins_m = here_m + offsets_m + self._rng.normal(0.0, 0.01, offsets_m.shape) * range_m
+        self._origins_m = here_m + offsets_m + self._rng.normal(0.0, _TWIN_ACROSS, offsets_m.shape) * range_m
         self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)
         self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, _PARTICLES)
         self._share = self._share[:, chosen]

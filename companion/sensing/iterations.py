@@ -29,7 +29,7 @@ from wsr.aperture import Aperture
 _LOCAL_CAPACITY = 20 * 120
 _LONGEST_S = 20.0
 """A path that takes longer than this has no aperture: poses drift, and nobody wants an old bearing."""
-_FIRST: Final = 0.6
+_FIRST: Final = 0.5
 """Of `length_m` is enough for the first apertures: a coarse bearing now is worth more than a fine one in a second."""
 
 _TURNED_NS: Final = 50 * NS_PER_S
@@ -81,7 +81,7 @@ class SarIterations:
         self._finished_ns: int | None = None
         self._looked_ns = 0
         self._measured_ns: dict[int, int] = {}
-        """By peer: the end of what apertures have seen so far."""
+        """By peer: the end of what bearings have told so far."""
         self._number = 0
         self.iterations = Output[Iteration]()
 
@@ -170,14 +170,16 @@ class SarIterations:
         doubt = self._lookalikes.add(iteration.peer, iteration.start_ns, iteration.end_ns, result.profile)
         if doubt:
             iteration = replace(iteration, estimate=None, refusal=doubt)
+        if iteration.bearing() is not None:
+            # Packets of an aperture that gave none are news to the next one.
+            self._measured_ns[iteration.peer] = iteration.end_ns
         self._recorder.record(BEARING, iteration.reference_ns, iteration)
         if result.profile:
             self._recorder.record(PROFILE, iteration.reference_ns, result.profile)
         self.iterations.give(iteration)
 
     def _iteration(self, number: int, report: ApertureReport, result: AoaResult) -> Iteration:
-        seen_ns = max(report.start_ns, self._measured_ns.get(report.peer, 0))
-        self._measured_ns[report.peer] = max(seen_ns, report.end_ns)
+        seen_ns = min(report.end_ns, max(report.start_ns, self._measured_ns.get(report.peer, 0)))
         reference_ns, peer_p_enu_m = report.end_ns, None
         if result.estimate is not None:
             reference_ns = report.start_ns + round(result.estimate.reference_t_s * NS_PER_S)
@@ -187,7 +189,7 @@ class SarIterations:
             peer=report.peer,
             start_ns=report.start_ns,
             end_ns=report.end_ns,
-            fresh=max(0, report.end_ns - seen_ns) / max(1, report.end_ns - report.start_ns),
+            fresh=(report.end_ns - seen_ns) / max(1, report.end_ns - report.start_ns),
             reference_ns=reference_ns,
             p_local_enu_m=self._local_position(reference_ns),
             peer_p_enu_m=peer_p_enu_m,

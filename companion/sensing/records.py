@@ -25,7 +25,7 @@ class Iteration:
     start_ns: int
     end_ns: int
     fresh: float
-    """Share of its time that no iteration of this peer before had, in 0..1: apertures of one flight overlap."""
+    """Share of its time that no bearing of this peer has told of before, in 0..1: apertures of one flight overlap."""
     reference_ns: int
     """Time of the reference point; `end_ns` when there is no estimate."""
     p_local_enu_m: Vector3 | None

@@ -104,7 +104,7 @@ def config() -> Config:
         runtime_dir=tempfile.gettempdir(),
         csi=CsiConfig(channel=108, source="unix"),
         neighbours=NeighbourConfig(key_file="none"),
-        peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none")],
+        peers=[Peer(BEACON_ID, "beacon", "00:21:6A:00:00:02", "none", antenna_height_m=BEACON_LEVER_M[2])],
         pose=PoseConfig(antenna_m=LEVER_M),
         mission=MissionConfig(control="fly"),
         autopilot=AutopilotConfig("none"),

@@ -118,13 +118,14 @@ def test_a_bearing_that_may_steer_is_reported_and_the_target_recorded() -> None:
 def test_legs_without_one_are_counted_whatever_the_reason() -> None:
     known = _Known()
     for iteration in (
-        _iteration(reliability=None, fresh=0.5),
-        _iteration(reliability=0.1),
-        _iteration(p_local_enu_m=None),
+        _iteration(reliability=None, start_ns=0, end_ns=10),
+        _iteration(reliability=None, start_ns=5, end_ns=15),
+        _iteration(reliability=0.1, start_ns=15, end_ns=25),
+        _iteration(p_local_enu_m=None, start_ns=25, end_ns=35),
     ):
         known.knowledge.add_iteration(iteration)
     known.knowledge.note_blind_leg()
-    assert known.knowledge.blind_legs == 3.5
+    assert known.knowledge.blind_legs == 4.5
     assert known.kept.topics == ["/target"]  # the weak one is recorded, and what it says little counts
     assert known.course.worst([]) is None
     known.knowledge.grant_leg()
