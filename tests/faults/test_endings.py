@@ -12,16 +12,18 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from companion.host.ending import END_LIMIT_S
+from tests.child import child
 from tests.faults.campaigns import runs
 from tests.faults.figures import ROOT, record
 
 _NOBODY = 65534
-_START_S = 60.0
+_START_S = 180.0
 """For the interpreter and its imports on a machine that is busy; the reason comes long before."""
 _NO_NETWORK = "neighbours.broadcast 203.0.113.255, port 17650: Cannot assign requested address"
 _BESIDE = {"PYTHONPATH": str(ROOT)}
@@ -44,20 +46,18 @@ def robot() -> Iterator[Path]:
         yield folder
 
 
-def _start(config: Path, module: str = "companion", python: str = sys.executable) -> subprocess.Popen[str]:
+@contextmanager
+def _start(config: Path, module: str = "companion", python: str = sys.executable) -> Iterator[subprocess.Popen[str]]:
     command = [python, "-m", module, *(["run"] if module == "companion" else []), "--config", str(config)]
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=config.parent, env=os.environ | _BESIDE)
+    with child(command, stdout=pipe, stderr=pipe, cwd=config.parent, env=os.environ | _BESIDE) as process:
+        yield process
 
 
 def _fails(config: Path, python: str = sys.executable) -> str:
     """The lines of a start that fails as it should, without those of the log that say nothing is wrong."""
     with _start(config, python=python) as process:
-        try:
-            out, err = process.communicate(timeout=_START_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            raise
+        out, err = process.communicate(timeout=_START_S)
     assert process.returncode in (1, 2), err
     assert not out
     assert len(err.splitlines()) == 1 and err.startswith("companion: "), err

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests import lanes as suite
+from tests.child import child
 from tests.lanes import Lane
 from tests.paths import ROOT
 
@@ -67,7 +68,7 @@ def test_an_interrupt_ends_every_lane_and_what_it_started(tmp_path: Path, number
     # Ignored, as a shell starts what it puts in the background.
     command = ["env", "--ignore-signal=INT", sys.executable, "-c", program]
     output = tmp_path / "a.txt"
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+    with child(command, cwd=ROOT, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("a:")
         while not output.is_file() or output.read_text().count("\n") < 2:

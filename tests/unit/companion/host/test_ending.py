@@ -11,6 +11,7 @@ import pytest
 
 from companion.errors import CompanionError, ConfigError
 from companion.host.ending import Stopped, cause
+from tests.child import child
 
 _STUCK = """
 import asyncio, ctypes, sys, threading, time
@@ -60,7 +61,7 @@ def test_a_failure_is_told_at_once_and_a_part_that_hangs_does_not_keep_the_proce
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_a_process_whose_loop_stands_still(number: signal.Signals) -> None:
     command = [sys.executable, "-c", _STUCK.format(how=_IN_FOREIGN_CODE)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with child(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None and process.stderr is not None
         assert process.stdout.readline() == "up\n"
         time.sleep(0.3)  # into the call that does not return
