@@ -31,6 +31,8 @@ _LONGEST_S = 20.0
 """A path that takes longer than this has no aperture: poses drift, and nobody wants an old bearing."""
 _FIRST: Final = 0.5
 """Of `length_m` is enough for the first apertures: a coarse bearing now is worth more than a fine one in a second."""
+_IMPATIENT: Final = 0.5
+"""Of `period_s`, between these, until one gives a bearing: which way the vehicle flies until then is chance."""
 
 _TURNED_NS: Final = 50 * NS_PER_S
 _TURN_STEP_NS: Final = NS_PER_S // 4
@@ -80,6 +82,7 @@ class SarIterations:
         self._begun_ns: int | None = None
         self._finished_ns: int | None = None
         self._looked_ns = 0
+        self._was_short = False
         self._measured_ns: dict[int, int] = {}
         """By peer: the end of what bearings have told so far."""
         self._number = 0
@@ -104,14 +107,19 @@ class SarIterations:
 
     def slide(self, now_ns: int) -> None:
         """Cuts the newest aperture of every neighbour when one is due: each `period_s`, out of the newest `length_m` of
-        path. None is cut while answers are waited for, so that none queues up. Reverse channels have `settle_s` to
-        arrive, which nobody stands still for: the aperture ends that long ago."""
-        due = now_ns - self._looked_ns >= self._config.period_s * NS_PER_S
-        if self._begun_ns is None or self._pending or not due:
+        path; of less path, until one gives a bearing, more often. None is cut while answers are waited for, so that
+        none queues up. Reverse channels have `settle_s` to arrive, which nobody stands still for: the aperture ends
+        that long ago."""
+        if self._begun_ns is None or self._pending:
+            return
+        blind = max(self._measured_ns.values(), default=0) < self._begun_ns
+        period_s = self._config.period_s * (_IMPATIENT if blind and self._was_short else 1.0)
+        if now_ns - self._looked_ns < period_s * NS_PER_S:
             return
         end_ns = now_ns - round(self._config.settle_s * NS_PER_S)
         begun_ns = max(self._begun_ns, end_ns - round(_LONGEST_S * NS_PER_S))
         start_ns = self._window.start_of_path(begun_ns, end_ns, self._config.length_m)
+        self._was_short = start_ns is None
         if start_ns is None and self._window.path_length_m(begun_ns, end_ns) > _FIRST * self._config.length_m:
             start_ns = begun_ns
         if start_ns is None and begun_ns > self._begun_ns:

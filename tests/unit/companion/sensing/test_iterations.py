@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -53,11 +54,14 @@ def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = mat
     return found
 
 
-def test_the_first_aperture_is_shorter_than_those_that_follow() -> None:
-    lengths_m = [_SPEED_M_S * (one.end_ns - one.start_ns) / NS_PER_S for one in _iterations(6.0)]
-    assert 0.5 * 1.2 < lengths_m[0] < 0.5 * 1.2 + 0.3, lengths_m
-    assert lengths_m[:3] == sorted(lengths_m[:3]), lengths_m
-    assert all(abs(length_m - 1.2) < 0.05 for length_m in lengths_m[3:]) and len(lengths_m) > 6, lengths_m
+def test_the_first_apertures_are_shorter_than_those_that_follow_and_sooner_after_each_other() -> None:
+    found = _iterations(6.0)
+    lengths_m = [_SPEED_M_S * (one.end_ns - one.start_ns) / NS_PER_S for one in found]
+    apart_s = [(b.end_ns - a.end_ns) / NS_PER_S for a, b in pairwise(found)]
+    assert 0.5 * 1.2 < lengths_m[0] < 0.5 * 1.2 + 0.1, lengths_m
+    assert lengths_m[:5] == sorted(lengths_m[:5]), lengths_m
+    assert all(abs(length_m - 1.2) < 0.05 for length_m in lengths_m[5:]) and len(lengths_m) > 8, lengths_m
+    assert apart_s[0] == pytest.approx(0.25, abs=0.03) and apart_s[-1] == pytest.approx(0.5, abs=0.03), apart_s
 
 
 def test_nothing_is_cut_from_less() -> None:
