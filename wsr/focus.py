@@ -81,6 +81,14 @@ def sphere_grid(azimuth_step_rad: float) -> tuple[Array, Array, NDArray[np.int64
     return grid
 
 
+@lru_cache(maxsize=4)
+def sphere_directions(azimuth_step_rad: float) -> Array:
+    """Unit vectors (N, 3) of `sphere_grid`."""
+    units = direction(*sphere_grid(azimuth_step_rad)[:2])
+    units.flags.writeable = False
+    return units
+
+
 def circle_grid(azimuth_step_rad: float, polars_rad: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
     """The same with full circles at a few polar angles."""
     circle = np.arange(-math.pi, math.pi - 1e-9, azimuth_step_rad)
@@ -89,15 +97,11 @@ def circle_grid(azimuth_step_rad: float, polars_rad: Sequence[float]) -> tuple[A
 
 
 def look(
-    parts: SubApertures,
-    grid: tuple[Array, Array, NDArray[np.int64]],
-    ranges_m: Sequence[float | None],
-    delay_ns: float | None,
+    parts: SubApertures, azimuth_step_rad: float, ranges_m: Sequence[float | None], delay_ns: float | None
 ) -> Look:
     """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others."""
-    azimuth, polar, _ = grid
-    scores = score(parts, direction(azimuth, polar), ranges_m, delay_ns)
-    return _fused(grid, scores.score, ranges_m)
+    scores = score(parts, sphere_directions(azimuth_step_rad), ranges_m, delay_ns)
+    return _fused(sphere_grid(azimuth_step_rad), scores.score, ranges_m)
 
 
 def look_around(

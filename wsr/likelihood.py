@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wsr.focus import Focus
 from wsr.geometry import direction
+from wsr.middle import median
 from wsr.subapertures import SubApertures
 from wsr.uncertainty import phase_slopes
 
@@ -63,7 +64,7 @@ def most_likely(
     Bins count by their packets (`counts`, (B,)), as white noise has it, but none more than a few times the usual: where
     a robot stood, noise is not what limits.
     """
-    share = np.minimum(counts, _MOST_OF_MEDIAN * np.median(counts))
+    share = np.minimum(counts, _MOST_OF_MEDIAN * median(counts.astype(np.float64)))
     parts = replace(parts, h=parts.h * (share / share.mean()).astype(np.float32))
     azimuth, polar, range_m = focus.azimuth_rad, focus.polar_rad, focus.range_m
     power = float(matched(parts, x_m, segment, focus).real.sum())

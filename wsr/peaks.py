@@ -38,7 +38,6 @@ def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEP
         if np.any(great_circle(kept_directions, u) < min_separation_rad):
             continue
         row, column = int(rows[index]), int(columns[index])
-        row, column = int(rows[index]), int(columns[index])
         # Of equal neighbours any one may carry the prominence.
         r, c = row // 2, column // 2
         near = relief[max(r - 1, 0) : r + 2, np.arange(c - 1, c + 2) % relief.shape[1]]
@@ -65,8 +64,9 @@ def mirrored(peak: Peak, normal: Array) -> Peak:
 
 def _pooled(power: NDArray[np.float32]) -> NDArray[np.float32]:
     """Maxima over blocks of two by two, of an even number of rows."""
-    blocks = power.reshape(power.shape[0] // 2, 2, power.shape[1] // 2, 2)
-    return np.asarray(blocks.max(axis=(1, 3)))
+    # Not of a reshaped block: that takes fifteen times as long.
+    higher = np.maximum(power[0::2], power[1::2])
+    return np.asarray(np.maximum(higher[:, 0::2], higher[:, 1::2]))
 
 
 def _local_maxima(power: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -105,22 +105,28 @@ def sub_apertures(
     the round-trip product. With a `share` under 1 the subcarriers are reduced to the fewest combinations that hold this
     share of the power: paths differ by tens of nanoseconds, so few subcarriers are independent, and the rest is noise.
     """
-    bins = len(p_m)
     basis = _basis(channel, share)
     values = channel if basis is None else channel @ basis.conj()
     x = (p_m - p_m.mean(axis=0)) / wavelength_m
-    borders = [np.arange(parts) * bins // parts for parts in scales]
-    cuts = np.unique(np.concatenate([*borders, np.flatnonzero(np.diff(segment, prepend=segment[0]))]))
-    owners = np.array([np.searchsorted(border, cuts, "right") - 1 for border in borders])
+    cuts, pieces = cut_up(segment, scales, resign)
     return SubApertures(
         x=np.ascontiguousarray(x.T, np.float32),
         h=np.ascontiguousarray(np.stack([values.real.T, values.imag.T]), np.float32),
         wavelength_m=wavelength_m,
         lag=_lag_form(grid, basis),
-        cuts=np.append(cuts, bins),
-        pieces=_pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign),
+        cuts=cuts,
+        pieces=pieces,
         power=float((np.abs(channel) ** 2).sum(axis=1).mean()),
     )
+
+
+def cut_up(segment: Indices, scales: Sequence[int], resign: bool = True) -> tuple[Indices, Indices]:
+    """`SubApertures.cuts` and `.pieces` of bins with these numbers of segments (B,)."""
+    bins = len(segment)
+    borders = [np.arange(parts) * bins // parts for parts in scales]
+    cuts = np.unique(np.concatenate([*borders, np.flatnonzero(np.diff(segment, prepend=segment[0]))]))
+    owners = np.array([np.searchsorted(border, cuts, "right") - 1 for border in borders])
+    return np.append(cuts, bins), _pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign)
 
 
 def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay_ns: float | None) -> Scores:
@@ -137,12 +143,15 @@ def score_together(
     shape = (len(links), scales, len(u) * len(ranges_m))
     coherence, phase = np.empty(shape, np.float32), np.zeros(shape, np.float32)
     inverse = np.array([0.0 if r is None else first.wavelength_m / r for r in ranges_m], np.float32)
-    x, x2, _, cuts, pieces, lag, power = first.arrays(delay_ns is not None)
-    h = np.stack([link.h for link in links])
-    directions = np.tile(np.ascontiguousarray(u, np.float32), (len(ranges_m), 1))
-    score_grid(x, x2, h, cuts, pieces, lag, power, directions, np.repeat(inverse, len(u)), coherence, phase)
+    x, x2, h, cuts, pieces, lag, power = first.arrays(delay_ns is not None)
+    if len(links) > 1:
+        h = np.stack([link.h for link in links])
+    directions = np.ascontiguousarray(u, np.float32)
+    if len(ranges_m) > 1:
+        directions = np.concatenate([directions] * len(ranges_m))
+    score_grid(x, x2, h, cuts, pieces, lag, power, directions, inverse.repeat(len(u)), coherence, phase)
     apart = (len(links), scales, len(ranges_m), len(u))
-    f, late = (np.moveaxis(each.reshape(apart), 2, 3) for each in (coherence, phase))
+    f, late = (each.reshape(apart).swapaxes(2, 3) for each in (coherence, phase))
     if delay_ns is None or not lag.size:
         return [Scores(each, each) for each in f]
     return [Scores(each * delay_weight(rad, delay_ns), each) for each, rad in zip(f, late, strict=True)]

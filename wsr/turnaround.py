@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from wsr.channel import SPEED_OF_LIGHT_M_S
 from wsr.kernel import phasors
 from wsr.machine_code import compiled
+from wsr.middle import median
 
 MAX_OFFSET_HZ = 100e3
 """Twice 10 parts per million of 5 GHz, what the standard allows each end, is 116 kHz; the recordings have up to 45."""
@@ -87,7 +88,7 @@ def jitter_s(turnaround_s: Array, our_clock_s: Array, offset_hz: float, waveleng
     """Turnaround (M,) about its median, with the ramp of the two clocks, df / f per second, taken out."""
     ramp = offset_hz * wavelength_m / SPEED_OF_LIGHT_M_S * (our_clock_s - our_clock_s[0])
     left = turnaround_s - ramp
-    return np.asarray(left - np.median(left))
+    return np.asarray(left - median(left))
 
 
 def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
@@ -95,7 +96,7 @@ def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
 
     Not compiled: half a millisecond here is less than five seconds of a first start, most of them for a median.
     """
-    x, y = clock_s - clock_s.mean(), turnaround_s - np.median(turnaround_s)
+    x, y = clock_s - clock_s.mean(), turnaround_s - median(turnaround_s)
     weight, slope, std = np.ones_like(x), 0.0, 0.0
     for _ in range(_SKEW_STEPS):
         total = weight.sum()
@@ -103,7 +104,7 @@ def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
         leverage = max((weight * (x - x0) ** 2).sum(), 1e-12)
         slope = (weight * (x - x0) * (y - y0)).sum() / leverage
         left = y - y0 - slope * (x - x0)
-        spread = 1.4826 * np.median(np.abs(left)) + _LEAST_SPREAD_S
+        spread = 1.4826 * median(np.abs(left)) + _LEAST_SPREAD_S
         weight = 1 / (1 + (left / (2 * spread)) ** 2)
         std = spread / np.sqrt(leverage)
     return slope, std

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.geometry import direction
+from wsr.middle import median
 
 _NOISE_BLOCKS = 16
 _RANK_TOLERANCE = 1e-6
@@ -65,7 +66,7 @@ def phase_slopes(x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad:
 def phase_variance(residual_rad: Array) -> float:
     """Variance from the median of |phase| (1.4826 median for a normal law), so that a burst of wild packets, which
     the sum averages out, does not set it. Not below 1e-6 rad^2, less than any receiver has."""
-    return max(float(1.4826 * np.median(np.abs(residual_rad))) ** 2, 1e-6)
+    return max(float(1.4826 * median(np.abs(residual_rad))) ** 2, 1e-6)
 
 
 def time_correlation(residual_rad: Array) -> float:

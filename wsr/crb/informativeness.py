@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wsr.aperture import Aperture
-from wsr.crb.sphere import crb_over, scatter_factor
+from wsr.crb.sphere import crb_over, great_circle_over, scatter_factor, tangents
 from wsr.geometry import direction
 from wsr.uncertainty import phase_variance
 
@@ -39,6 +40,17 @@ def sphere_prior(step_rad: float = _STEP_RAD) -> Prior:
     azimuth, polar = (a.ravel() for a in np.meshgrid(*_axes(step_rad)))
     weight = np.sin(polar)
     return Prior(azimuth, polar, weight / weight.sum())
+
+
+@lru_cache(maxsize=1)
+def _anywhere() -> Prior:
+    return sphere_prior()
+
+
+@lru_cache(maxsize=4)
+def _tangents(prior: Prior) -> tuple[Array, Array]:
+    """Of its directions, which most apertures share."""
+    return tangents(prior.azimuth_rad, prior.polar_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +82,7 @@ class Informativeness:
 
 def spread(factor: Array, prior: Prior, share: float = _SHARE) -> Spread:
     """Worst and percentile over a prior, for a `wsr.crb.sphere.scatter_factor`."""
-    bounds = crb_over(factor, prior.azimuth_rad, prior.polar_rad).great_circle_rad2
+    bounds = great_circle_over(factor, *_tangents(prior))
     # Opposite directions have one bound: of such equals the first, whichever way the processor rounds.
     worst = int(np.argmax(bounds >= bounds.max() * (1.0 - _EQUAL)))
     order = np.argsort(bounds)
@@ -103,7 +115,7 @@ def informativeness(
         turned = aperture.channel * np.exp(-1j * turns)
         phase_variance_rad2 = phase_variance(np.angle(turned * turned.sum().conj()))
     factor = scatter_factor(aperture.chi_m, aperture.wavelength_m, phase_variance_rad2)
-    over = spread(factor, sphere_prior() if prior is None else prior)
+    over = spread(factor, _anywhere() if prior is None else prior)
     return Informativeness(
         source_per_rad2=float(1.0 / crb_over(factor, azimuth_rad, polar_rad).great_circle_rad2[0]),
         worst_per_rad2=1.0 / over.worst_rad2,

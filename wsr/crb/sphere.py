@@ -54,7 +54,7 @@ def scatter_factor(
 def crb_over(factor: Array, azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> CrbField:
     """The bounds of directions (N,), for a `scatter_factor`. Rank is judged as in `wsr.crb.crb`."""
     azimuth, polar = (np.atleast_1d(a).astype(np.float64) for a in np.broadcast_arrays(azimuth_rad, polar_rad))
-    east, pole = _tangent_columns(factor, azimuth, polar)
+    east, pole = (tangent @ factor.T for tangent in tangents(azimuth, polar))
     noise = RANK_TOLERANCE * float(np.linalg.norm(factor))
     var_east, var_pole, cross = _inverse(east, pole, noise)
     sine = np.sin(polar)
@@ -71,12 +71,19 @@ def crb_over(factor: Array, azimuth_rad: ArrayLike, polar_rad: ArrayLike) -> Crb
     )
 
 
-def _tangent_columns(factor: Array, azimuth: Array, polar: Array) -> tuple[Array, Array]:
-    """R e and R n, each (N, 3)."""
+def great_circle_over(factor: Array, east: Array, pole: Array) -> Array:
+    """`CrbField.great_circle_rad2` (N,) alone, of directions with these `tangents`."""
+    noise = RANK_TOLERANCE * float(np.linalg.norm(factor))
+    var_east, var_pole, _ = _inverse(east @ factor.T, pole @ factor.T, noise)
+    return np.asarray(var_east + var_pole)
+
+
+def tangents(azimuth: Array, polar: Array) -> tuple[Array, Array]:
+    """Unit vectors e and n, eastwards and polewards, each (N, 3)."""
     sin_p, cos_p, sin_t, cos_t = np.sin(azimuth), np.cos(azimuth), np.sin(polar), np.cos(polar)
     east = np.stack([-sin_p, cos_p, np.zeros_like(sin_p)], axis=-1)
     pole = np.stack([cos_t * cos_p, cos_t * sin_p, -sin_t], axis=-1)
-    return east @ factor.T, pole @ factor.T
+    return east, pole
 
 
 def _alone(column: Array, noise: float) -> Array:

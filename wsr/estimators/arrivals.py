@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,10 @@ from numpy.typing import NDArray
 from wsr.directions import Peak
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, counted_amplitude
-from wsr.focus import Focus, circle_grid, sphere_grid
+from wsr.focus import Focus, circle_grid, sphere_directions
 from wsr.geometry import angles, direction, great_circle, wrap_angle
 from wsr.peaks import MIN_SEPARATION_RAD
-from wsr.subapertures import SubApertures, score, sub_apertures
+from wsr.subapertures import SubApertures, cut_up, score, sub_apertures
 
 _EXPLAINED = 0.12
 _LEAST_RELATIVE_POWER = 0.03
@@ -72,13 +73,12 @@ def arrivals(
     steering = _steering(x_m, wave_m, direction(focus.azimuth_rad, focus.polar_rad), focus.range_m)[:, None]
     h = _joined(parts, steering[:, 0], prepared.bins.segment) * _loudness(prepared, options)[:, None]
     power, left = _fitted(h, steering)
-    azimuth, polar, _ = circle_grid(_LEVEL_STEP_RAD, _LEVEL_POLARS_RAD) if level else sphere_grid(_STEP_RAD)
-    grid = direction(azimuth, polar)
+    grid = direction(*circle_grid(_LEVEL_STEP_RAD, _LEVEL_POLARS_RAD)[:2]) if level else sphere_directions(_STEP_RAD)
     free = np.ones(len(grid), np.bool_)
     taken, reliefs, widths = [direction(focus.azimuth_rad, focus.polar_rad)], [0.0], [0.0]
     while len(taken) < count and _energy(left) > _LEAST_RELATIVE_POWER * power.max():
         free &= _apart(grid, taken[-1], level) >= MIN_SEPARATION_RAD
-        cut = {number: _held(x_m, left, wave_m, number) for number in {_LOOK_PARTS, *(n for n, _ in _CLIMB)}}
+        cut = _held(x_m, left, wave_m)
         seen = _power(cut[_LOOK_PARTS], grid)
         u = _climbed(cut, grid[int(np.argmax(np.where(free, seen, 0.0)))], level)
         more = np.column_stack([steering, _steering(x_m, wave_m, u, _ECHO_RANGE_M)])
@@ -138,9 +138,16 @@ def _energy(values: Complex) -> float:
     return float(np.vdot(values, values).real)
 
 
-def _held(x_m: Array, left: Complex, wave_m: float, number: int) -> SubApertures:
-    """What is left, cut into so many parts, in the form that `score` takes."""
-    return sub_apertures(x_m, left, np.zeros(len(left), np.int64), wave_m, (number,))
+def _held(x_m: Array, left: Complex, wave_m: float) -> dict[int, SubApertures]:
+    """What is left, in the form that `score` takes, cut into each of the numbers of parts it is looked at in."""
+    whole = sub_apertures(x_m, left, np.zeros(len(left), np.int64), wave_m, (1,))
+    cut = {number: _cut_up(len(left), number) for number in {_LOOK_PARTS, *(n for n, _ in _CLIMB)}}
+    return {number: replace(whole, cuts=cuts, pieces=pieces) for number, (cuts, pieces) in cut.items()}
+
+
+@lru_cache(maxsize=32)
+def _cut_up(bins: int, number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    return cut_up(np.zeros(bins, np.int64), (number,))
 
 
 def _power(parts: SubApertures, u: Array) -> Array:
@@ -158,9 +165,10 @@ def _apart(u: Array, v: Array, level: bool) -> Array:
 def _climbed(cut: dict[int, SubApertures], u: Array, level: bool) -> Array:
     """The direction (3,) of highest power near u: the best of its neighbours, closer each time."""
     sides = [(i, j) for i in (-1.0, 0.0, 1.0) for j in ((0.0,) if level else (-1.0, 0.0, 1.0))]
+    i, j = np.array(sides).T[:, :, None]
     for number, step_deg in _CLIMB:
         across, along = _axes(u, level)
-        around = np.array([u + math.radians(step_deg) * (i * across + j * along) for i, j in sides])
+        around = u + math.radians(step_deg) * (i * across + j * along)
         around /= np.linalg.norm(around, axis=1, keepdims=True)
         u = around[int(np.argmax(_power(cut[number], around)))]
     return u
@@ -169,11 +177,13 @@ def _climbed(cut: dict[int, SubApertures], u: Array, level: bool) -> Array:
 def _width_rad(parts: SubApertures, u: Array, peak: float, level: bool) -> float:
     """Geometric mean of the lobe's widths at half of its power, across and along; over a level path across alone."""
     widths = []
-    for axis in _axes(u, level)[: 1 if level else 2]:
-        steps = _WIDTH_STEP_RAD * np.arange(1, _WIDEST_STEPS + 1)
-        sides = [np.cos(steps)[:, None] * u + np.sin(sign * steps)[:, None] * axis for sign in (1.0, -1.0)]
-        below = [_power(parts, side) < 0.5 * peak for side in sides]
-        widths.append(sum(_WIDTH_STEP_RAD * (int(np.argmax(b)) + 0.5 if b.any() else _WIDEST_STEPS) for b in below))
+    steps = _WIDTH_STEP_RAD * np.arange(1, _WIDEST_STEPS + 1)
+    ahead = np.cos(steps)[:, None] * u
+    axes = _axes(u, level)[: 1 if level else 2]
+    sides = [ahead + np.sin(sign * steps)[:, None] * axis for axis in axes for sign in (1.0, -1.0)]
+    below = (_power(parts, np.concatenate(sides)) < 0.5 * peak).reshape(-1, 2, _WIDEST_STEPS)
+    for of in below:
+        widths.append(sum(_WIDTH_STEP_RAD * (int(np.argmax(b)) + 0.5 if b.any() else _WIDEST_STEPS) for b in of))
     return math.exp(float(np.mean(np.log(widths))))
 
 

@@ -13,6 +13,7 @@ from wsr.errors import ApertureError
 from wsr.estimators.options import RobustOptions
 from wsr.first_path import first_path, is_wide
 from wsr.half_turns import half_jitter_rad
+from wsr.middle import median
 from wsr.ofdm import Grid, known
 from wsr.path_bins import Bins, path_bins
 from wsr.reciprocity import ChainLimits, Folded, chain, chain_quarters, fold, without_delay
@@ -83,7 +84,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     if not options.wideband:
         channel = channel.mean(axis=1, keepdims=True)
     came = np.abs(channel[:, 0]) * folded.amplitude if by_delay else folded.amplitude
-    amplitude = came / max(float(np.median(came)), 1e-12)
+    amplitude = came / max(median(came), 1e-12)
     channel = _levelled(channel, sign * counted_amplitude(amplitude, options))
     _check_kept(aperture, keep)
     length_m = options.bin_wavelengths * aperture.wavelength_m if options.path_bins else None
@@ -95,7 +96,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         grid=aperture.grid if options.wideband and not by_delay else known(1),
         wavelength_m=wavelength_m,
         dropped={reason: count for reason, count in dropped.items() if count},
-        reciprocity=float(np.median(agreement)),
+        reciprocity=median(agreement),
         offset_hz=offset_hz,
         bin_t_s=bins.means(aperture.t_s),
         amplitude=amplitude,

@@ -18,7 +18,7 @@ from wsr.estimators.description import without_image
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, prepare, takes_first_path
 from wsr.estimators.trust import Evidence, model_error_rad, range_error_m, reliability
-from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine, sphere_grid
+from wsr.focus import Bounds, Focus, Look, circle_grid, look, look_around, refine
 from wsr.geometry import direction, wrap_angle
 from wsr.half_turns import without_half_turns
 from wsr.likelihood import matched, most_likely
@@ -104,7 +104,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         if level:
             circles = circle_grid(options.step_rad, options.planar_polars_rad)
             return look_around(parts, circles, ranges_m, options.delay_ns)
-        return look(parts, sphere_grid(options.step_rad), ranges_m, options.delay_ns)
+        return look(parts, options.step_rad, ranges_m, options.delay_ns)
 
     lean = fused.condensed()
     seen = searched(lean)
