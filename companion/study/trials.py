@@ -6,8 +6,10 @@ nothing but its specification. Numerical libraries run on one thread, because su
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -23,6 +25,9 @@ _BATCHES_A_WORKER = 12
 _LARGEST_BATCH = 4
 """Small enough that a slow batch at the end holds nothing up for long, the progress bar moves, and a run that ends
 early loses little."""
+_COLLECTED_EVERY = 100_000
+"""Objects that may hold one another. By Python's own 700 a tenth of a mission would be the search for such that nobody
+needs, among the half million that imports and machine code leave for good."""
 
 
 class TrialError(CompanionError):
@@ -73,7 +78,7 @@ def batches(specs: Sequence[S], seed: int, workers: int) -> Iterator[Batch[S]]:
 def run_batch(trial: Callable[[S, SeedSequence], R], batch: Batch[S]) -> list[R]:
     """The rows of one batch, in a worker process. Raises TrialError with the number of the trial that failed."""
     rows = []
-    with threadpool_limits(1):
+    with threadpool_limits(1), _seldom_collected():
         for index, spec in enumerate(batch.specs, start=batch.first):
             try:
                 rows.append(trial(spec, trial_seed(batch.seed, index)))
@@ -82,3 +87,16 @@ def run_batch(trial: Callable[[S, SeedSequence], R], batch: Batch[S]) -> list[R]
             except (ArithmeticError, LookupError, TypeError, ValueError) as error:
                 raise TrialError(f"trial {index} (seed {batch.seed}): {type(error).__name__}: {error}") from error
     return rows
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Trials leave few objects that hold one another, and what was there before them is not looked at."""
+    before = gc.get_threshold()
+    gc.freeze()
+    gc.set_threshold(_COLLECTED_EVERY)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
