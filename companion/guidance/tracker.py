@@ -212,11 +212,7 @@ class TargetTracker:
         range_m = np.maximum(np.linalg.norm(offsets_m, axis=1), 1e-3)
         units, log_range = offsets_m / range_m[:, None], np.log(range_m)
         picks = self._systematic(weight / weight.sum(), _SAMPLED)
-        # By einsum, not BLAS, whose threads spin: this runs in the process of the control loop.
-        angle_cosine = np.einsum("ix,jx->ij", units[picks], units[picks])
-        ratio = np.abs(log_range[picks, None] - log_range[picks])
-        near = (angle_cosine > math.cos(_MODE_RAD)) & (ratio < math.log(_MODE_RATIO))
-        best = picks[int(np.argmax(near.sum(axis=1)))]
+        best = picks[int(np.argmax(_neighbours(units[picks], log_range[picks])))]
         inside = (
             (units @ units[best] > math.cos(_MODE_RAD))
             & (np.abs(log_range - log_range[best]) < math.log(_MODE_RATIO))
@@ -377,6 +373,19 @@ class TargetTracker:
     def _systematic(self, probability: _Floats, count: int) -> npt.NDArray[np.intp]:
         at = (np.arange(count) + 0.5) / count
         return np.minimum(np.searchsorted(np.cumsum(probability), at), len(probability) - 1)
+
+
+def _neighbours(units: _Floats, log_range: _Floats) -> npt.NDArray[np.intp]:
+    """(N,) how many of the places in directions (N, 3) at ranges (N,) are near each one of them."""
+    # Not by BLAS, whose threads spin: this runs in the process of the control loop. Two tables serve all steps.
+    x, y, z = np.ascontiguousarray(units.T)
+    cosine, table = np.multiply.outer(x, x), np.multiply.outer(z, z)
+    cosine += table
+    cosine += np.multiply.outer(y, y, out=table)
+    near = cosine > math.cos(_MODE_RAD)
+    np.abs(np.subtract.outer(log_range, log_range, out=table), out=table)
+    near &= table < math.log(_MODE_RATIO)
+    return np.asarray(near.sum(axis=1))
 
 
 def _place(bearing: Bearing) -> _Floats:
