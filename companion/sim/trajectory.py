@@ -116,9 +116,22 @@ class BeaconDrive:
         """Samples at most 10 ms apart that cover [from_s, until_s]."""
         steps = max(1, math.ceil((until_s - from_s) / _STEP_S))
         t_s = from_s + (until_s - from_s) * np.arange(steps + 1) / steps
+        if self._stands:
+            return Trajectory(t_s, np.repeat(self._start_m[None], steps + 1, axis=0), np.full(steps + 1, self.yaw_rad))
         return Trajectory(t_s, *self._course(self._way_and_speed(t_s)[0]))
 
+    def place(self, t_s: float) -> Vector3:
+        """Where it is at t_s."""
+        x, y, z = (self._start_m if self._stands else self.trajectory(t_s, t_s).p_enu_m[0]).tolist()
+        return x, y, z
+
+    @property
+    def _stands(self) -> bool:
+        return self._go_s is None or not self._speed_m_s
+
     def velocity(self, t_s: float) -> Vector3:
+        if self._stands:
+            return (0.0, 0.0, 0.0)
         way_m, speed_m_s = self._way_and_speed(np.array([t_s]))
         yaw_rad, speed = float(self._course(way_m)[1][0]), float(speed_m_s[0])
         return (speed * math.cos(yaw_rad), speed * math.sin(yaw_rad), 0.0)

@@ -24,10 +24,6 @@ _VIO_STREAM: Final = 4
 _BLOCK: Final = 256
 _PER_POSE: Final = 10
 _HALF: Final = math.sqrt(0.5)
-_T265_FROM_ENU: Final[Quaternion] = (_HALF, -_HALF, 0.0, 0.0)
-"""Turns a vector (E, N, U) into the tracker's world axes: X = E, Y = U, Z = -N."""
-_FLU_FROM_CAMERA: Final[Quaternion] = (0.5, 0.5, -0.5, -0.5)
-"""Forward = -Z, left = -X, up = Y of the camera."""
 
 
 class Camera:
@@ -52,11 +48,13 @@ class Camera:
         velocity = (0.0, 0.0, 0.0)
         if self._previous is not None:
             dt_s = (t_mono_ns - self._previous[0]) * 1e-9
-            step = self._step([p - q for p, q in zip(p_enu_m, self._previous[1], strict=True)], dt_s, draws)
-            self._p_m = [p + s for p, s in zip(self._p_m, step, strict=True)]
-            velocity = _t265_axes([s / dt_s for s in step])
+            (px, py, pz), (qx, qy, qz), (x, y, z) = p_enu_m, self._previous[1], self._p_m
+            sx, sy, sz = self._step((px - qx, py - qy, pz - qz), dt_s, draws)
+            self._p_m = [x + sx, y + sy, z + sz]
+            velocity = _t265_axes((sx / dt_s, sy / dt_s, sz / dt_s))
         self._previous = (t_mono_ns, p_enu_m)
-        seen = [p + self._vio.jitter_m * noise for p, noise in zip(self._p_m, draws[7:], strict=True)]
+        (x, y, z), jitter_m = self._p_m, self._vio.jitter_m
+        seen = (x + jitter_m * draws[7], y + jitter_m * draws[8], z + jitter_m * draws[9])
         yaw = yaw_rad - self._frame_yaw_rad + self._yaw_error_rad
         return RawPose(
             t_mono_ns=t_mono_ns,
@@ -67,20 +65,26 @@ class Camera:
             frame=PoseFrame.T265,
         )
 
-    def _step(self, true_step_m: list[float], dt_s: float, draws: list[float]) -> list[float]:
+    def _step(self, true_step_m: Vector3, dt_s: float, draws: list[float]) -> Vector3:
         """The reported step in the camera's frame (its axes East, North, Up)."""
-        vio = self._vio
-        self._yaw_error_rad += self._yaw_rate_rad_s * dt_s + vio.yaw_walk_rad_sqrt_s * math.sqrt(dt_s) * draws[0]
+        vio, root_s = self._vio, math.sqrt(dt_s)
+        self._yaw_error_rad += self._yaw_rate_rad_s * dt_s + vio.yaw_walk_rad_sqrt_s * root_s * draws[0]
         keep = math.exp(-dt_s / vio.bias_correlation_s)
         stir = vio.bias_std * math.sqrt(1 - keep * keep)
-        self._bias = [keep * b + stir * d for b, d in zip(self._bias, draws[1:4], strict=True)]
-        length_m = math.hypot(*true_step_m)
-        walk = vio.walk_m_sqrt_s * math.sqrt(dt_s)
-        x, y, z = (self._scale * (p + b * length_m) for p, b in zip(true_step_m, self._bias, strict=True))
+        bx, by, bz = self._bias
+        bx, by, bz = keep * bx + stir * draws[1], keep * by + stir * draws[2], keep * bz + stir * draws[3]
+        self._bias = [bx, by, bz]
+        px, py, pz = true_step_m
+        length_m = math.hypot(px, py, pz)
+        walk, scale = vio.walk_m_sqrt_s * root_s, self._scale
+        x, y, z = scale * (px + bx * length_m), scale * (py + by * length_m), scale * (pz + bz * length_m)
         turn = self._yaw_error_rad - self._frame_yaw_rad
         cos, sin = math.cos(turn), math.sin(turn)
-        turned = (cos * x - sin * y, sin * x + cos * y, z)
-        return [p + walk * d for p, d in zip(turned, draws[4:7], strict=True)]
+        return (
+            cos * x - sin * y + walk * draws[4],
+            sin * x + cos * y + walk * draws[5],
+            z + walk * draws[6],
+        )
 
     def _take(self) -> list[float]:
         if not self._draws:
@@ -88,21 +92,12 @@ class Camera:
         return self._draws.pop()
 
 
-def _t265_axes(v: list[float]) -> Vector3:
+def _t265_axes(v: Vector3) -> Vector3:
     return (v[0], v[2], -v[1])
 
 
 def _t265_attitude(yaw_rad: float) -> Quaternion:
-    level = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
-    return _multiply(_multiply(_T265_FROM_ENU, level), _FLU_FROM_CAMERA)
-
-
-def _multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
+    # (sqrt 1/2, -sqrt 1/2, 0, 0), which turns (E, N, U) into the tracker's world axes X = E, Y = U, Z = -N, times the
+    # yaw, times (1/2, 1/2, -1/2, -1/2): forward = -Z, left = -X, up = Y of the camera.
+    level, turn = _HALF * math.cos(yaw_rad / 2), 0.5 * (_HALF * math.sin(yaw_rad / 2))
+    return (level + turn + turn, 0.0, turn - level + turn, 0.0)

@@ -27,8 +27,7 @@ def straight_flight_s(
     drive = BeaconDrive(scenario)
     at_m, flown_s = start_m, 0.0
     while flown_s < _LIMIT_S:
-        standing_m = drive.trajectory(flown_s, flown_s).p_enu_m[0].tolist()
-        x, y, z = (p + lever for p, lever in zip(standing_m, beacon_lever_m, strict=True))
+        x, y, z = (p + lever for p, lever in zip(drive.place(flown_s), beacon_lever_m, strict=True))
         left_m = math.dist(at_m, (x, y, z))
         if left_m <= near_m:
             return flown_s

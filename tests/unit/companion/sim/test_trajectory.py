@@ -29,6 +29,14 @@ def test_the_beacon_stands_on_its_circle_and_drives_below_half_the_distance() ->
     assert math.atan2(*drive.velocity(30.0)[1::-1]) == pytest.approx(drive.yaw_rad)
 
 
+def test_the_place_is_that_of_the_trajectory_before_the_drive_and_on_it() -> None:
+    drive = BeaconDrive(scene(4))
+    stands = drive.place(3.0)
+    assert stands == tuple(drive.trajectory(3.0, 3.0).p_enu_m[0].tolist()) == drive.place(0.0)
+    drive.watch(3.0, 0.0)
+    assert drive.place(9.0) == tuple(drive.trajectory(9.0, 9.0).p_enu_m[0].tolist()) != stands
+
+
 def test_seeds_place_the_beacon_differently() -> None:
     starts = {tuple(BeaconDrive(scene(seed)).trajectory(0.0, 1.0).p_enu_m[0].tolist()) for seed in (1, 1, 2, 3)}
     assert len(starts) == 3
