@@ -30,11 +30,13 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Look:
-    """A coarse look: azimuth_rad (N,), polar_rad (N,), combined (N, R) the mean over scales of the scores divided by
-    their maxima `peak` (K,), ranges_m (R,), and where each row of constant polar angle starts, rows (T + 1,)."""
+    """A coarse look: azimuth_rad (N,), polar_rad (N,) and units (N, 3), the directions; combined (N, R) the mean over
+    scales of the scores divided by their maxima `peak` (K,), ranges_m (R,), and where each row of constant polar angle
+    starts, rows (T + 1,)."""
 
     azimuth_rad: Array
     polar_rad: Array
+    units: Array
     combined: Array
     peak: Array
     ranges_m: tuple[float | None, ...]
@@ -100,8 +102,8 @@ def look(
     parts: SubApertures, azimuth_step_rad: float, ranges_m: Sequence[float | None], delay_ns: float | None
 ) -> Look:
     """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others."""
-    scores = score(parts, sphere_directions(azimuth_step_rad), ranges_m, delay_ns)
-    return _fused(sphere_grid(azimuth_step_rad), scores.score, ranges_m)
+    u = sphere_directions(azimuth_step_rad)
+    return _fused(sphere_grid(azimuth_step_rad), u, score(parts, u, ranges_m, delay_ns).score, ranges_m)
 
 
 def look_around(
@@ -123,16 +125,19 @@ def look_around(
     scores = np.zeros((len(first), len(u), len(ranges_m)), np.float32)
     scores[:, : rows[1], middle] = first[:, :, 0]
     scores[:, hopeful] = score(parts, u[hopeful], ranges_m, delay_ns).score
-    return _fused(circles, scores, ranges_m)
+    return _fused(circles, u, scores, ranges_m)
 
 
-def _fused(grid: tuple[Array, Array, NDArray[np.int64]], scores: Array32, ranges_m: Sequence[float | None]) -> Look:
+def _fused(
+    grid: tuple[Array, Array, NDArray[np.int64]], units: Array, scores: Array32, ranges_m: Sequence[float | None]
+) -> Look:
     azimuth, polar, rows = grid
     peak = scores.max(axis=(1, 2)).astype(np.float64)
     combined = (scores / peak.astype(np.float32)[:, None, None]).mean(axis=0)
     return Look(
         azimuth_rad=azimuth,
         polar_rad=polar,
+        units=units,
         combined=np.asarray(combined, np.float64),
         peak=peak,
         ranges_m=tuple(ranges_m),

@@ -36,18 +36,29 @@ Complex = NDArray[np.complex128]
 def matched(parts: SubApertures, x_m: Array, segment: NDArray[np.int64], focus: Focus) -> Complex:
     """m (B,) of bins at x (B, 3) about the centroid: each against the sum of all, over all subcarriers. Pieces of a
     broken chain of signs (`segment`, (B,)) are joined as they add up, longest sum first."""
+    return _matched(_pieced(parts, segment), x_m, parts.wavelength_m, focus)
+
+
+def _pieced(parts: SubApertures, segment: NDArray[np.int64]) -> tuple[Complex, NDArray[np.intp], NDArray[np.intp]]:
+    """Channels (B, S), where pieces of the chain of signs begin, and the bins of each."""
+    starts = np.flatnonzero(np.diff(segment, prepend=-1))
+    return (parts.h[0] + 1j * parts.h[1]).T.astype(np.complex128), starts, np.diff(np.append(starts, len(segment)))
+
+
+def _matched(
+    pieced: tuple[Complex, NDArray[np.intp], NDArray[np.intp]], x_m: Array, wavelength_m: float, focus: Focus
+) -> Complex:
+    h, starts, counts = pieced
     u = direction(focus.azimuth_rad, focus.polar_rad)
     r = focus.range_m
     path = -(x_m @ u) if r is None else np.linalg.norm(r * u - x_m, axis=1) - r
-    h = (parts.h[0] + 1j * parts.h[1]).T.astype(np.complex128)
-    turned = h * np.exp(2j * math.pi / parts.wavelength_m * path)[:, None]
-    starts = np.flatnonzero(np.diff(segment, prepend=-1))
+    turned = h * np.exp(2j * math.pi / wavelength_m * path)[:, None]
     pieces = np.add.reduceat(turned, starts, axis=0)
     total = np.zeros(turned.shape[1], np.complex128)
     for piece in pieces[np.argsort(-np.linalg.norm(pieces, axis=1))]:
         total = total + (piece if np.vdot(total, piece).real >= 0 else -piece)
     sign = np.where((pieces @ total.conj()).real < 0, -1.0, 1.0)
-    return np.asarray((turned @ total.conj()) * np.repeat(sign, np.diff(np.append(starts, len(segment)))))
+    return np.asarray((turned @ total.conj()) * np.repeat(sign, counts))
 
 
 def most_likely(
@@ -66,11 +77,12 @@ def most_likely(
     """
     share = np.minimum(counts, _MOST_OF_MEDIAN * median(counts.astype(np.float64)))
     parts = replace(parts, h=parts.h * (share / share.mean()).astype(np.float32))
+    pieced = _pieced(parts, segment)
     azimuth, polar, range_m = focus.azimuth_rad, focus.polar_rad, focus.range_m
-    power = float(matched(parts, x_m, segment, focus).real.sum())
+    power = float(_matched(pieced, x_m, parts.wavelength_m, focus).real.sum())
     for _ in range(_STEPS):
         here = Focus(azimuth, polar, range_m, focus.coherence)
-        m = matched(parts, x_m, segment, here)
+        m = _matched(pieced, x_m, parts.wavelength_m, here)
         slopes = phase_slopes(x_m, parts.wavelength_m, azimuth, polar, range_m)
         if nuisance is not None:
             slopes = np.column_stack([slopes, nuisance])
@@ -87,7 +99,7 @@ def most_likely(
         if max(abs(float(step[0])), abs(float(step[1])), further) < _SHORT_STEP:
             break
     found = Focus(azimuth, polar, range_m, focus.coherence)
-    gain = float(matched(parts, x_m, segment, found).real.sum()) / max(power, 1e-300)
+    gain = float(_matched(pieced, x_m, parts.wavelength_m, found).real.sum()) / max(power, 1e-300)
     return replace(found, coherence=focus.coherence * gain) if gain >= 1.0 else focus
 
 

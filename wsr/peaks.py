@@ -25,17 +25,15 @@ def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEP
     rows, columns = np.nonzero(_local_maxima(profile.power))
     powers = profile.power[rows, columns].astype(np.float64)
     order = np.argsort(powers)[::-1]
+    units = direction(profile.azimuth_rad[columns], profile.polar_rad[rows])
+    near_one = np.zeros(powers.size, np.bool_)
     kept: list[Peak] = []
     # On half the resolution: saddles are as wide as lobes.
     relief = prominences(_pooled(profile.power))
-    kept_directions = np.empty((0, 3))
     for index in order:
         if len(kept) == count or powers[index] <= 0.0:
             break
-        azimuth = float(profile.azimuth_rad[columns[index]])
-        polar = float(profile.polar_rad[rows[index]])
-        u = direction(azimuth, polar)
-        if np.any(great_circle(kept_directions, u) < min_separation_rad):
+        if near_one[index]:
             continue
         row, column = int(rows[index]), int(columns[index])
         # Of equal neighbours any one may carry the prominence.
@@ -43,15 +41,15 @@ def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEP
         near = relief[max(r - 1, 0) : r + 2, np.arange(c - 1, c + 2) % relief.shape[1]]
         kept.append(
             Peak(
-                azimuth,
-                polar,
+                float(profile.azimuth_rad[column]),
+                float(profile.polar_rad[row]),
                 float(powers[index]),
                 float(powers[index] / powers[order[0]]),
                 float(near.max()),
                 width_rad(profile.power, row, column),
             )
         )
-        kept_directions = np.vstack([kept_directions, u])
+        near_one |= great_circle(units[index], units) < min_separation_rad
     return tuple(kept)
 
 

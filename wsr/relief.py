@@ -77,11 +77,13 @@ def _flood(power: Array32, order: Indices) -> Array32:
     height = power.ravel()
     parent = np.full(height.size, -1, np.int64)
     result = np.zeros(height.size, np.float32)
+    aside = np.array([-columns - 1, -columns, -columns + 1, -1, 1, columns - 1, columns, columns + 1])
     for cell in order:
         parent[cell] = cell
         row, column = cell // columns, cell % columns
+        inside = 0 < row < rows - 1 and 0 < column < columns - 1
         for which in range(8):
-            beside = _neighbour(row, column, which, rows, columns)
+            beside = cell + aside[which] if inside else _neighbour(row, column, which, rows, columns)
             if parent[beside] < 0:
                 continue
             a, b = _root(parent, cell), _root(parent, beside)

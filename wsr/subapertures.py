@@ -124,9 +124,10 @@ def cut_up(segment: Indices, scales: Sequence[int], resign: bool = True) -> tupl
     """`SubApertures.cuts` and `.pieces` of bins with these numbers of segments (B,)."""
     bins = len(segment)
     borders = [np.arange(parts) * bins // parts for parts in scales]
-    cuts = np.unique(np.concatenate([*borders, np.flatnonzero(np.diff(segment, prepend=segment[0]))]))
-    owners = np.array([np.searchsorted(border, cuts, "right") - 1 for border in borders])
-    return np.append(cuts, bins), _pieces(owners, np.diff(cuts, append=bins), segment[cuts], resign)
+    cuts = np.unique(np.concatenate([*borders, 1 + np.flatnonzero(segment[1:] != segment[:-1])]))
+    owners = np.array([border.searchsorted(cuts, "right") - 1 for border in borders])
+    ends = np.append(cuts, bins)
+    return ends, _pieces(owners, ends[1:] - cuts, segment[cuts], resign)
 
 
 def score(parts: SubApertures, u: Array, ranges_m: Sequence[float | None], delay_ns: float | None) -> Scores:

@@ -146,6 +146,8 @@ class Targets:
         """Each tick: whether the target, where its newest datagram says it has come to, is within the range of arrival:
         surely, and for as long as it takes to see that with new packets."""
         new, self._new = self._new, 0.0
+        if self._near + new <= 0.0:  # nothing to look at since it last seemed far
+            return False
         self._near = self._near + new if self._seems_near(p_local_enu_m) else 0.0
         return self._near >= _CONFIRMED
 

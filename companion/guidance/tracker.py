@@ -55,7 +55,7 @@ _LINES: Final = 20
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
-_SAMPLED: Final = 250
+_SAMPLED, _ROWS = 250, 50
 _EXCLUDED: Final = 20.0
 """Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
@@ -377,15 +377,20 @@ class TargetTracker:
 
 def _neighbours(units: _Floats, log_range: _Floats) -> npt.NDArray[np.intp]:
     """(N,) how many of the places in directions (N, 3) at ranges (N,) are near each one of them."""
-    # Not by BLAS, whose threads spin: this runs in the process of the control loop. Two tables serve all steps.
+    # Not by BLAS, whose threads spin: this runs in the process of the control loop. Some rows at a time stay in cache.
     x, y, z = np.ascontiguousarray(units.T)
-    cosine, table = np.multiply.outer(x, x), np.multiply.outer(z, z)
-    cosine += table
-    cosine += np.multiply.outer(y, y, out=table)
-    near = cosine > math.cos(_MODE_RAD)
-    np.abs(np.subtract.outer(log_range, log_range, out=table), out=table)
-    near &= table < math.log(_MODE_RATIO)
-    return np.asarray(near.sum(axis=1))
+    counts, tables = np.empty(len(units), np.intp), np.empty((2, _ROWS, len(units)))
+    for first in range(0, len(units), _ROWS):
+        rows = slice(first, first + _ROWS)
+        cosine, table = tables[:, : len(x[rows])]
+        np.multiply.outer(x[rows], x, out=cosine)
+        cosine += np.multiply.outer(z[rows], z, out=table)
+        cosine += np.multiply.outer(y[rows], y, out=table)
+        near = cosine > math.cos(_MODE_RAD)
+        np.abs(np.subtract.outer(log_range[rows], log_range, out=table), out=table)
+        near &= table < math.log(_MODE_RATIO)
+        counts[rows] = near.sum(axis=1)
+    return counts
 
 
 def _place(bearing: Bearing) -> _Floats:

@@ -37,6 +37,8 @@ class Lookalikes:
         """A profile (180, 360) as float16 bytes of an aperture between two times, empty for a refusal. Returns why
         nothing may come of this iteration, or nothing. Apertures that share packets with one that was compared are
         not: they are alike for that."""
+        if len(self._names) < 2:
+            return ""
         if self._profiles and start_ns not in self._profiles and start_ns < self._until_ns:
             profile = b""
         if profile:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ PARAMETERS = {
 }  # fmt: skip
 """Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025
+_total_rss_dbm = lru_cache(maxsize=4096)(total_rss_dbm)
 _COMPUTE_S = 0.1  # that the worker needs on the vehicle's processor, and the flight waits for
 
 
@@ -209,7 +211,7 @@ def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
         assert record.n_rx == ANTENNAS
         csi = record.csi[:, :, 0]
         t_ns = (record.host_time_ns or 0) - DEFAULT_EPOCH_NS
-        power_dbm = total_rss_dbm(record.rssi, record.agc)
+        power_dbm = _total_rss_dbm(record.rssi, record.agc)
         samples.append(
             ChannelSample(
                 peer=peer,

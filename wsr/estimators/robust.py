@@ -183,7 +183,7 @@ def _settled(fused: SubApertures, seen: Look, focus: Focus, options: RobustOptio
 
 def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
     """The best direction of a look that is not the focus's."""
-    near = direction(seen.azimuth_rad, seen.polar_rad) @ direction(focus.azimuth_rad, focus.polar_rad)
+    near = seen.units @ direction(focus.azimuth_rad, focus.polar_rad)
     at = int(np.argmax(np.where(near < math.cos(_APART_RAD), seen.power, 0.0)))
     return float(seen.azimuth_rad[at]), float(seen.polar_rad[at])
 
