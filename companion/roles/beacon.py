@@ -26,9 +26,9 @@ class Beacon:
         power += [0.0] * (ANTENNAS - len(power))
         smoothing = _SMOOTHING if any(self._power) else 1.0
         self._power = [was + smoothing * (now - was) for was, now in zip(self._power or power, power, strict=True)]
-        best = max(range(ANTENNAS), key=self._power.__getitem__)
-        if self._power[best] > _HYSTERESIS * self._power[self._antenna]:
-            self._antenna = best
+        most = max(self._power)
+        if most > _HYSTERESIS * self._power[self._antenna]:
+            self._antenna = self._power.index(most)
         self._sender.add_channel(
             sample.frame,
             sample.t_mono_ns,

@@ -48,8 +48,12 @@ class Gusts:
     def _walk(self, value: Vector3, sigma: float, tau_s: float, dt_s: float) -> Vector3:
         keep = math.exp(-dt_s / tau_s)
         kick = sigma * math.sqrt(1 - keep * keep)
-        x, y, z = (keep * component + kick * self._random.gauss(0, 1) for component in value)
-        return (x, y, z)
+        gauss = self._random.gauss
+        return (
+            keep * value[0] + kick * gauss(0, 1),
+            keep * value[1] + kick * gauss(0, 1),
+            keep * value[2] + kick * gauss(0, 1),
+        )
 
 
 class Airframe:
@@ -66,9 +70,9 @@ class Airframe:
 
     @property
     def estimated_p_enu_m(self) -> Vector3:
-        error = (0.0, 0.0, 0.0) if self._gusts is None else self._gusts.estimate_error_enu_m
-        x, y, z = (p + o + e for p, o, e in zip(self.p_enu_m, self.estimate_offset_enu_m, error, strict=True))
-        return (x, y, z)
+        ex, ey, ez = (0.0, 0.0, 0.0) if self._gusts is None else self._gusts.estimate_error_enu_m
+        (x, y, z), (ox, oy, oz) = self.p_enu_m, self.estimate_offset_enu_m
+        return (x + ox + ex, y + oy + ey, z + oz + ez)
 
     @property
     def on_ground(self) -> bool:
@@ -88,11 +92,12 @@ class Airframe:
     def step(self, demand: Demand, dt_s: float) -> None:
         if self._gusts is not None:
             self._gusts.step(dt_s)
-        a = self._acceleration(self._velocity(demand))
-        x, y, z = (
-            p + v * dt_s + acc * dt_s * dt_s / 2 for p, v, acc in zip(self.p_enu_m, self.v_enu_m_s, a, strict=True)
-        )
-        vx, vy, vz = (v + acc * dt_s for v, acc in zip(self.v_enu_m_s, a, strict=True))
+        ax, ay, az = self._acceleration(self._velocity(demand))
+        (x, y, z), (vx, vy, vz) = self.p_enu_m, self.v_enu_m_s
+        x = x + vx * dt_s + ax * dt_s * dt_s / 2
+        y = y + vy * dt_s + ay * dt_s * dt_s / 2
+        z = z + vz * dt_s + az * dt_s * dt_s / 2
+        vx, vy, vz = vx + ax * dt_s, vy + ay * dt_s, vz + az * dt_s
         self.p_enu_m, self.v_enu_m_s = (x, y, z), (vx, vy, vz)
         if z <= 0:
             self.p_enu_m, self.v_enu_m_s = (x, y, 0.0), (0.0, 0.0, max(vz, 0.0))
@@ -110,8 +115,8 @@ class Airframe:
         return (x * scale, y * scale, max(-self.limits.sink_m_s, min(self.limits.climb_m_s, z)))
 
     def _acceleration(self, v_wanted: Vector3) -> Vector3:
-        wanted = [_VELOCITY_GAIN_PER_S * (w - v) for w, v in zip(v_wanted, self.v_enu_m_s, strict=True)]
-        scale = min(1.0, self.limits.acceleration_m_s2 / max(math.hypot(*wanted), 1e-9))
-        gust = (0.0, 0.0, 0.0) if self._gusts is None or self.on_ground else self._gusts.acceleration_enu_m_s2
-        x, y, z = (scale * w + g for w, g in zip(wanted, gust, strict=True))
-        return (x, y, z)
+        (x, y, z), (vx, vy, vz) = v_wanted, self.v_enu_m_s
+        x, y, z = _VELOCITY_GAIN_PER_S * (x - vx), _VELOCITY_GAIN_PER_S * (y - vy), _VELOCITY_GAIN_PER_S * (z - vz)
+        scale = min(1.0, self.limits.acceleration_m_s2 / max(math.hypot(x, y, z), 1e-9))
+        gx, gy, gz = (0.0, 0.0, 0.0) if self._gusts is None or self.on_ground else self._gusts.acceleration_enu_m_s2
+        return (scale * x + gx, scale * y + gy, scale * z + gz)
