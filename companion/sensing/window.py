@@ -16,6 +16,7 @@ from companion.neighbours.bands import OF_5300, grid_of, name_of
 from companion.neighbours.clock_relation import card_times, match
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ANTENNAS, ChannelSample
+from companion.sensing.centres import Centres
 from companion.sensing.history import History
 from csi_bridge.clock import NicClock
 from csi_bridge.feitcsi.records import TICKS_PER_US
@@ -24,7 +25,6 @@ from wsr.aperture import Aperture, make_aperture
 from wsr.channel import (
     SPEED_OF_LIGHT_M_S,
     band_wavelength_m,
-    centre_channel,
     pair_by_counter,
     strongest_antenna,
 )
@@ -124,6 +124,7 @@ class SarWindow:
         self._max_pose_gap_s = max_pose_gap_s
         self._poses = History(_POSE_CAPACITY, 7)
         self._heard: dict[int, dict[bytes, _Heard]] = {}
+        self._centres: dict[int, tuple[Centres, Centres]] = {}
         self._nic_clock = nic_clock
 
     def add_pose(self, pose: Pose) -> None:
@@ -274,7 +275,9 @@ class SarWindow:
         dropped["unpaired"] = len(forward.t_ns) - len(i)
         if not len(i):
             raise ApertureError(f"none of the {len(forward.t_ns)} packets of {neighbour.name} has its reverse channel")
-        centre_ours, centre_theirs = centre_channel(ours, pairs.grid), centre_channel(theirs, pairs.grid)
+        of_ours, of_theirs = self._centres.setdefault(neighbour.id, (Centres(), Centres()))
+        centre_ours = of_ours.of(forward.nic_us[i], ours, pairs.grid)
+        centre_theirs = of_theirs.of(reverse.nic_us[j].astype(np.int64), theirs, pairs.grid)
         t_s = (forward.t_ns[i] - start_ns) / NS_PER_S
         own_t_ns, own_p_m = self._antenna(int(forward.t_ns.min()), int(forward.t_ns.max()))
         p_i_m, own_valid = interpolate(t_s, (own_t_ns - start_ns) / NS_PER_S, own_p_m, self._max_pose_gap_s)
