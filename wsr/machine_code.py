@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -78,10 +77,10 @@ class UsersFolder(_WithWhatItCalls, caching.UserWideCacheLocator):  # type: igno
 def source_digest(function: Callable[..., object]) -> bytes:
     """SHA-256 of all that a function's machine code is made of: its file, the constants that the file's names stand for
     so far, and the same of every compiled function it knows from another file."""
-    own = inspect.getfile(function)
-    found = hashlib.sha256(Path(own).read_bytes())
+    module = inspect.getmodule(function)
+    found = hashlib.sha256(inspect.getsource(module or function).encode())
     for name, value in sorted(inspect.unwrap(function).__globals__.items()):
-        if isinstance(value, Dispatcher) and (of := value.py_func).__code__.co_filename != own:
+        if isinstance(value, Dispatcher) and inspect.getmodule(of := value.py_func) is not module:
             found.update(name.encode() + source_digest(of))
         elif isinstance(value, np.ndarray):
             found.update(name.encode() + value.tobytes())

@@ -19,9 +19,10 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
-from companion.guidance.heights import Heights
+from companion.guidance.antenna_height import AntennaHeight
 from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
+from companion.guidance.modes import densest, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
@@ -52,10 +53,6 @@ _CROSSING: Final = 0.6
 """Of new particles: where the new bearing crosses one before, give or take"""
 _CROSSED_STD: Final = 0.2
 _LINES: Final = 20
-_MODE_RAD: Final = math.radians(20.0)
-_MODE_RATIO: Final = 2.0
-"""Particles within this angle and this ratio of ranges from the densest one are one source."""
-_SAMPLED, _ROWS = 250, 50
 _EXCLUDED: Final = 20.0
 """Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
@@ -75,7 +72,7 @@ class TargetTracker:
         condition; `drift` by which share of the way of both robots their poses part from the truth;
         `antenna_height_m` how high above the ground the target's antenna is, where it stands on it."""
         self._allowed = allowed
-        self._heights = Heights(antenna_height_m)
+        self._heights = AntennaHeight(antenna_height_m)
         self._drift = drift
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
@@ -172,7 +169,7 @@ class TargetTracker:
         weight, here_m = np.exp(self._log_weight), _place(self._newest)
         left, found = weight.copy(), list[tuple[float, npt.NDArray[np.intp]]]()
         for _ in range(3):
-            members = self._densest(left, here_m)
+            members = densest(self._origins_m - here_m, left)
             found.append((float(left[members].sum()), members))
             left[members] = 0.0
             if left.sum() < 0.05:
@@ -205,20 +202,6 @@ class TargetTracker:
             return
         unit = direction(bearing.azimuth_rad, bearing.polar_rad)
         self._witnesses.add(_place(bearing) + bearing.range_m * unit, unit, bearing.fresh)
-
-    def _densest(self, weight: _Floats, here_m: _Floats) -> npt.NDArray[np.intp]:
-        """Indices of the particles around the densest one."""
-        offsets_m = self._origins_m - here_m
-        range_m = np.maximum(np.linalg.norm(offsets_m, axis=1), 1e-3)
-        units, log_range = offsets_m / range_m[:, None], np.log(range_m)
-        picks = self._systematic(weight / weight.sum(), _SAMPLED)
-        best = picks[int(np.argmax(_neighbours(units[picks], log_range[picks])))]
-        inside = (
-            (units @ units[best] > math.cos(_MODE_RAD))
-            & (np.abs(log_range - log_range[best]) < math.log(_MODE_RATIO))
-            & (weight > 0)
-        )
-        return np.flatnonzero(inside)
 
     def _draw(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp], anywhere: float) -> _Floats:
         """Draws the particles `which` (M,) anew: where a bearing and the other paths of its aperture point, and by
@@ -353,7 +336,7 @@ class TargetTracker:
         weight = np.exp(self._log_weight)
         if 1.0 / float(weight @ weight) > _RESAMPLE_BELOW * _PARTICLES:
             return
-        chosen = self._systematic(weight / weight.sum(), _PARTICLES)
+        chosen = systematic(weight / weight.sum(), _PARTICLES)
         assert self._newest is not None
         here_m = _place(self._newest)
         self._told, self._stood = self._told[chosen], self._stood[chosen]
@@ -369,28 +352,6 @@ class TargetTracker:
     def _kept_to(self, angle_rad: _Floats, std_rad: float) -> _Floats:
         """Twins of a constant part, with the deviation they were drawn with."""
         return np.asarray(0.995 * angle_rad + self._rng.normal(0.0, 0.1 * std_rad, len(angle_rad)))
-
-    def _systematic(self, probability: _Floats, count: int) -> npt.NDArray[np.intp]:
-        at = (np.arange(count) + 0.5) / count
-        return np.minimum(np.searchsorted(np.cumsum(probability), at), len(probability) - 1)
-
-
-def _neighbours(units: _Floats, log_range: _Floats) -> npt.NDArray[np.intp]:
-    """(N,) how many of the places in directions (N, 3) at ranges (N,) are near each one of them."""
-    # Not by BLAS, whose threads spin: this runs in the process of the control loop. Some rows at a time stay in cache.
-    x, y, z = np.ascontiguousarray(units.T)
-    counts, tables = np.empty(len(units), np.intp), np.empty((2, _ROWS, len(units)))
-    for first in range(0, len(units), _ROWS):
-        rows = slice(first, first + _ROWS)
-        cosine, table = tables[:, : len(x[rows])]
-        np.multiply.outer(x[rows], x, out=cosine)
-        cosine += np.multiply.outer(z[rows], z, out=table)
-        cosine += np.multiply.outer(y[rows], y, out=table)
-        near = cosine > math.cos(_MODE_RAD)
-        np.abs(np.subtract.outer(log_range[rows], log_range, out=table), out=table)
-        near &= table < math.log(_MODE_RATIO)
-        counts[rows] = near.sum(axis=1)
-    return counts
 
 
 def _place(bearing: Bearing) -> _Floats:

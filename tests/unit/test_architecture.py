@@ -24,7 +24,7 @@ _ROOT_MODULES = {"__init__", "__main__", "app", "cli", "errors"}
 _OF_NO_MODULE = {"wsr/test_errata.py"}
 """The paper's equations as printed, which stand in no module because they do not hold."""
 _MATHS = {"__future__", "collections", "dataclasses", "functools", "math", "numba", "numpy", "typing", "wsr"}
-_OF_SOURCES = {"hashlib", "inspect", "pathlib"}
+_OF_SOURCES = {"hashlib", "inspect"}
 """What `wsr.machine_code` may import beside: it reads the package's own files to tell what cached code is made of."""
 _NO_MATHS = {"open", "print", "input", "exec", "eval", "__import__"}
 _PACKAGES = [Path(package.__path__[0]) for package in (companion, wsr, csi_bridge)]

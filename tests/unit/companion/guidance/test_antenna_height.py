@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.guidance.heights import Heights
+from companion.guidance.antenna_height import AntennaHeight
 from companion.guidance.tracker import TargetTracker
 from tests.unit.companion.guidance.test_tracker import bearing_to
 
 
 def test_a_height_that_is_expected_counts_once_however_often_it_is_looked_at() -> None:
-    heights, told = Heights(0.5), np.zeros(3)
+    heights, told = AntennaHeight(0.5), np.zeros(3)
     at_m = np.array([0.5, 0.7, 1.5])
     total = np.zeros(3)
     for _ in range(5):
@@ -21,7 +21,7 @@ def test_a_height_that_is_expected_counts_once_however_often_it_is_looked_at() -
 
 
 def test_drift_makes_it_less_sure() -> None:
-    heights = Heights(0.5)
+    heights = AntennaHeight(0.5)
     heights.wander(0.2)
     assert heights.log_prior(np.array([0.9])) == pytest.approx([-1.0])
     heights.begin_anew()
@@ -29,7 +29,7 @@ def test_drift_makes_it_less_sure() -> None:
 
 
 def test_without_one_what_is_far_below_ground_becomes_unlikely_with_each_aperture() -> None:
-    heights = Heights(None)
+    heights = AntennaHeight(None)
     seen = heights.log_seen_again(np.array([-0.7, -0.1, 3.0]), 0.5, np.zeros(3))
     assert seen == pytest.approx([-1.0, 0.0, 0.0])
     assert heights.log_prior(np.array([-0.7, 4.0])) == pytest.approx([0.0, -2.0])

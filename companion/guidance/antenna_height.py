@@ -18,7 +18,7 @@ _HIGH_M: Final = 2.0
 """Before anything is seen a target that much higher is less likely by e: a ceiling mirrors one on the floor far up."""
 
 
-class Heights:
+class AntennaHeight:
     """What heights say of places of the target. All are above the ground; 0 where that is not known."""
 
     def __init__(self, expected_m: float | None) -> None:
