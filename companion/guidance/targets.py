@@ -27,8 +27,13 @@ _SURE: Final = 0.75
 """A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = 0.4
-"""Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time."""
+_CONFIRMED: Final = (0.4, 0.8)
+"""Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time: in a
+kind room, and where echoes turn bearings slowly, which looks like a source that is near."""
+_KIND: Final = 0.8
+"""A room is one whose probability to be has been so high"""
+_LATELY: Final = 2.0
+"""on the average over so many apertures or so."""
 
 
 class Targets:
@@ -58,6 +63,8 @@ class Targets:
         self._arrival_confidence = arrival_confidence
         self._near = self._new = 0.0
         """Apertures' worth of new packets for which the target has seemed near; and those not looked at yet."""
+        self._kind = 0.0
+        """How probably the room has been a kind one lately."""
         self._nearer_m: Vector3 | None = None
         """Another source that the target must be, if it is there: what is likeliest is then an image of it."""
         self._neighbours = neighbours
@@ -67,7 +74,7 @@ class Targets:
 
     def forget(self) -> None:
         self._trackers.clear()
-        self._near = self._new = 0.0
+        self._near = self._new = self._kind = 0.0
         self._nearer_m = self._instead = None
         self._inside = self._new_tracker(self._target, self._reach)
         self._found.clear()
@@ -92,6 +99,7 @@ class Targets:
             can_be_flown_to = self._reach(np.array([found.place(bearing.target_p_enu_m)]))[0]
             self._instead = None if can_be_flown_to else inside
             self._new += bearing.fresh
+            self._kind += min(1.0, bearing.fresh / _LATELY) * (float(tracker.rooms()[0]) - self._kind)
         return found
 
     def select(self, peer: int) -> None:
@@ -100,7 +108,7 @@ class Targets:
         if peer == self._target:
             return
         self._target = peer
-        self._near = self._new = 0.0
+        self._near = self._new = self._kind = 0.0
         tracker = self._trackers.get(peer)
         self._nearer_m = None if tracker is None else tracker.nearer_source()
         new = self._new_tracker(peer, self._reach)
@@ -149,7 +157,7 @@ class Targets:
         if self._near + new <= 0.0:  # nothing to look at since it last seemed far
             return False
         self._near = self._near + new if self._seems_near(p_local_enu_m) else 0.0
-        return self._near >= _CONFIRMED
+        return self._near >= _CONFIRMED[self._kind < _KIND]
 
     def _seems_near(self, p_local_enu_m: Vector3) -> bool:
         newest = self._neighbours[self._target].newest_pose() if self._target in self._found else None

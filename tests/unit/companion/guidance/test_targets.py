@@ -69,6 +69,26 @@ def test_where_a_neighbour_is_known_to_be_follows_what_it_says_of_itself() -> No
     assert targets.target is None
 
 
+@pytest.mark.parametrize(("reliability", "needed"), [(0.9, 0.4), (0.03, 0.8)])
+def test_where_images_are_loud_a_target_must_seem_near_for_longer(reliability: float, needed: float) -> None:
+    targets = Targets(
+        neighbours={2: _Neighbour(2, "beacon")},
+        target=2,
+        arrival_range_m=2.0,
+        arrival_confidence=0.9,
+        limits=_LIMITS,
+    )
+    for turn in range(40):  # around it, from near; nobody asks yet
+        here_m = (4.0 + math.cos(turn), math.sin(turn), 1.5)
+        targets.add(2, replace(_bearing(here_m, (4.0, 0.0, 0.5)), reliability=reliability, fresh=0.5), 0.0)
+    assert not targets.is_near((0.0, 0.0, 1.5))
+    seen = 0.0
+    while not targets.is_near(here_m) and seen < 2.0:
+        targets.add(2, replace(_bearing(here_m, (4.0, 0.0, 0.5)), reliability=reliability, fresh=0.1), 0.0)
+        seen += 0.1
+    assert needed - 0.05 < seen < needed + 0.15  # sums of tenths
+
+
 def test_one_bearing_tells_a_direction_and_no_place() -> None:
     targets = Targets(
         neighbours={2: _Neighbour(2, "beacon")}, target=2, arrival_range_m=2.0, arrival_confidence=0.9, limits=_LIMITS
