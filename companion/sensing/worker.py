@@ -16,13 +16,13 @@ import numpy as np
 from companion.host.priority import stand_back
 from companion.sensing.worker_wire import LENGTH, READY_ID, AoaRequest, AoaResult, aperture_of, frame
 from wsr.aoa import Estimator
-from wsr.crb.informativeness import informativeness
+from wsr.crb.informativeness import Prior, informativeness
 from wsr.errors import ApertureError
 from wsr.estimators import ESTIMATORS, warm_up
 
 
-def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
-    """One estimate; a refusal of the estimator is a result too."""
+def compute(estimator: Estimator, request: AoaRequest, prior: Prior | None = None) -> AoaResult:
+    """One estimate; a refusal of the estimator is a result too. `prior` as `wsr.crb.informativeness` takes it."""
     start = time.perf_counter()
     try:
         aperture = aperture_of(request)
@@ -30,7 +30,7 @@ def compute(estimator: Estimator, request: AoaRequest) -> AoaResult:
     except ApertureError as error:
         return AoaResult(id=request.id, peer=request.peer, compute_s=time.perf_counter() - start, refusal=str(error))
     power = np.asarray(profile.power, np.float16).tobytes()
-    told = informativeness(aperture, estimate.azimuth_rad, estimate.polar_rad)
+    told = informativeness(aperture, estimate.azimuth_rad, estimate.polar_rad, prior=prior)
     elapsed_s = time.perf_counter() - start
     return AoaResult(
         id=request.id, peer=request.peer, compute_s=elapsed_s, estimate=estimate, profile=power, informativeness=told

@@ -26,6 +26,7 @@ from companion.study.virtual_clock import VirtualClock
 from csi_bridge.records import CsiRecord
 from csi_bridge.scaling import total_rss_dbm
 from wsr.aperture import Aperture
+from wsr.crb.informativeness import Prior
 from wsr.estimators import ESTIMATORS
 
 UAV_ID, BEACON_ID = 1, 2
@@ -36,6 +37,8 @@ PARAMETERS = {
 """Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025
 _total_rss_dbm = lru_cache(maxsize=4096)(total_rss_dbm)
+_NOWHERE_ELSE = Prior(np.zeros(1), np.full(1, math.pi / 2), np.ones(1))
+"""Nobody asks a virtual mission how much its apertures tell about other directions than the source's."""
 _COMPUTE_S = 0.1  # that the worker needs on the vehicle's processor, and the flight waits for
 
 
@@ -130,7 +133,7 @@ class InlineWorker:
 
     def submit(self, peer: int, aperture: Aperture) -> int:
         request_id, self._next_id = self._next_id, self._next_id + 1
-        result = compute(self._estimator, request_of(request_id, peer, aperture))
+        result = compute(self._estimator, request_of(request_id, peer, aperture), _NOWHERE_ELSE)
         self._results.append((self._clock.now_ns() + round(_COMPUTE_S * NS_PER_S), result))
         return request_id
 
