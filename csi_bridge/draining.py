@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import socket
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Final
 
 from csi_bridge.arrival import StampedSocket
@@ -56,11 +55,11 @@ class Draining:
             except OSError as error:
                 if error.errno != errno.ENOBUFS:
                     raise
-                self._counters = replace(self._counters, overruns=self._counters.overruns + 1)
+                self._counters.overruns += 1
                 continue
             record = self._counted(datagram, sender)
             if record is not None:
-                records.append((*record, arrived_ns))
+                records.append((record[0], record[1], arrived_ns))
         return records
 
     def _receive(self) -> tuple[bytes, Any, int | None]:
@@ -69,13 +68,12 @@ class Draining:
         return *self._socket.recvfrom(_DATAGRAM_BYTES), None
 
     def _counted(self, datagram: bytes, sender: Any) -> tuple[int, bytes] | None:
-        counters = replace(self._counters, datagrams=self._counters.datagrams + 1)
-        record = None
+        self._counters.datagrams += 1
         try:
             record = self._decode(datagram, sender)
-            if record is None:
-                counters = replace(counters, refused_sender=counters.refused_sender + 1)
         except CsiError:
-            counters = replace(counters, malformed=counters.malformed + 1)
-        self._counters = counters
+            self._counters.malformed += 1
+            return None
+        if record is None:
+            self._counters.refused_sender += 1
         return record

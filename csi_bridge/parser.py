@@ -9,12 +9,24 @@ frame_count u32 @34; then the payload.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from csi_bridge.payload import payload_bytes, unpack
-from csi_bridge.records import CSI_CODE, MAX_ANTENNAS, MPDU_CODE, CsiError, CsiRecord, MpduRecord, row_ranks
+from csi_bridge.records import (
+    CSI_CODE,
+    MAX_ANTENNAS,
+    MPDU_CODE,
+    SUBCARRIERS,
+    CsiError,
+    CsiHead,
+    CsiRecord,
+    MpduRecord,
+    row_ranks,
+)
 
 LAYOUTS: Final = (20, 34, 38)
 HEADER: Final = struct.Struct("<IHHBBBBBbBBHH")
@@ -28,29 +40,29 @@ def parse_body(code: int, body: bytes) -> CsiRecord | MpduRecord | None:
         return MpduRecord(bytes(body))
     if code != CSI_CODE:
         return None
+    head = parse_head(body)
+    return CsiRecord(csi=channels([body])[0], **head._asdict())
+
+
+def parse_head(body: bytes) -> CsiHead:
+    """All that a CSI body says but the channel; every length in it is checked. Raises CsiError."""
     layout, n_rx, n_tx = body_shape(body)
-    fields = HEADER.unpack_from(body)
-    stamp_us, count, _, _, _, rssi_a, rssi_b, rssi_c, noise, agc, antenna_sel, _, rate = fields
-    payload = np.frombuffer(body, np.uint8, offset=layout)[np.newaxis]
-    csi = np.empty((30, n_rx, n_tx), np.complex64)
-    csi[:, row_ranks(antenna_sel, n_rx)] = unpack(payload, n_rx, n_tx)[0]
+    stamp_us, count, _, _, _, rssi_a, rssi_b, rssi_c, noise, agc, antenna_sel, _, rate = HEADER.unpack_from(body)
     host_time_ns, mac, frame_count = _stamp(body, layout)
-    return CsiRecord(
-        timestamp_low_us=stamp_us,
-        bfee_count=count,
-        n_rx=n_rx,
-        n_tx=n_tx,
-        rssi=(rssi_a, rssi_b, rssi_c),
-        noise_dbm=noise,
-        agc=agc,
-        antenna_sel=antenna_sel,
-        rate=rate,
-        csi=csi,
-        layout=layout,
-        host_time_ns=host_time_ns,
-        mac=mac,
-        frame_count=frame_count,
-    )
+    return CsiHead(
+        stamp_us, count, n_rx, n_tx, (rssi_a, rssi_b, rssi_c), noise, agc, antenna_sel, rate, layout,
+        host_time_ns, mac, frame_count,
+    )  # fmt: skip
+
+
+def channels(bodies: Sequence[bytes]) -> npt.NDArray[np.complex64]:
+    """The channels (N, 30, n_rx, n_tx), N > 0, of bodies that `parse_head` takes and that agree in numbers of antennas,
+    antenna_sel and layout; rows as of `CsiRecord.csi`. Many at once take little longer than one."""
+    layout, n_rx, n_tx = body_shape(bodies[0])
+    data = np.frombuffer(b"".join(bodies), np.uint8).reshape(len(bodies), -1)
+    csi = np.empty((len(bodies), SUBCARRIERS, n_rx, n_tx), np.complex64)
+    csi[:, :, row_ranks(bodies[0][15], n_rx)] = unpack(data[:, layout:], n_rx, n_tx)
+    return csi
 
 
 def body_shape(body: bytes | memoryview) -> tuple[int, int, int]:

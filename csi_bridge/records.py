@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,24 @@ class CsiError(ValueError):
         super().__init__(f"byte {offset}: {reason}")
         self.reason = reason
         self.offset = offset
+
+
+class CsiHead(NamedTuple):
+    """What a report says beside the channel; fields as of `CsiRecord`."""
+
+    timestamp_low_us: int
+    bfee_count: int
+    n_rx: int
+    n_tx: int
+    rssi: tuple[int, int, int]
+    noise_dbm: int
+    agc: int
+    antenna_sel: int
+    rate: int
+    layout: int
+    host_time_ns: int | None
+    mac: bytes | None
+    frame_count: int | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

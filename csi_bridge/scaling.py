@@ -39,6 +39,7 @@ def subcarrier_hz(rate: int) -> npt.NDArray[np.float64]:
     return np.array(_INDICES_40MHZ if is_40mhz(rate) else _INDICES_20MHZ, np.float64) * _SPACING_HZ
 
 
+@lru_cache(maxsize=4096)
 def total_rss_dbm(rssi: tuple[int, int, int], agc: int) -> float:
     """Received power over all antennas [dBm]; -inf where no antenna reports any. rssi 0 marks an absent antenna."""
     total = sum(10 ** (value / 10) for value in rssi if value)

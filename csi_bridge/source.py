@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class SourceCounters:
-    """What a source has seen since it was opened."""
+    """What a source has seen since it was opened; owned by the source."""
 
     datagrams: int = 0
     """Read from the socket, whatever was in them."""

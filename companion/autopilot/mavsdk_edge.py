@@ -15,7 +15,7 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from companion.autopilot import onboard_status, px4_modes
+from companion.autopilot import onboard_status, px4_modes, rates
 from companion.autopilot.climb import Climb
 from companion.autopilot.ground_station import GroundStation
 from companion.autopilot.mavsdk_link import MavsdkLink
@@ -24,7 +24,7 @@ from companion.autopilot.port import AutopilotError, GaveWayError
 from companion.autopilot.reconnect import Backoff
 from companion.autopilot.setpoint import setpoint_fields
 from companion.autopilot.telemetry import Telemetry, parameter_field
-from companion.core.clock import NS_PER_S, Clock
+from companion.core.clock import NS_PER_S, Clock, next_beat_ns
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
 
 _LOG = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ _POLL_S = 0.01
 _STALLED_S = 0.5
 _CLIMB_S_PER_M = 4.0
 """PX4 may be set to climb as slowly as this in takeoff."""
-_WATCH_S = 0.1
+_WATCH_NS = NS_PER_S // 10
 _HEARTBEAT_LATE_S = 1.1
 """Heartbeats come at 1 Hz. One that is late is asked for, so that a single lost one is no lost link."""
 _RECONNECT_S = 5.0
@@ -52,23 +52,6 @@ _AUTOPILOT_VERSION: Final = 148
 _MODE_FLAG_CUSTOM: Final = 1
 _PARAMETER_INT32: Final = 6
 _PARAMETER_REAL32: Final = 9
-_INTERVALS_US: Final = {
-    32: 20_000,  # LOCAL_POSITION_NED
-    30: 50_000,  # ATTITUDE
-    436: 50_000,  # CURRENT_MODE: sent on each change of mode, while HEARTBEAT stays at 1 Hz
-    245: 200_000,  # EXTENDED_SYS_STATE
-    147: 1_000_000,  # BATTERY_STATUS
-    1: 500_000,  # SYS_STATUS: whether it can arm
-    230: 500_000,  # ESTIMATOR_STATUS
-    65: 200_000,  # RC_CHANNELS
-    331: 50_000,  # ODOMETRY: announces resets of the estimate
-}
-_DISARMED_US: Final = {32: 50_000}
-"""As often as the control loop looks: a vehicle that nobody has armed waits, and each message wakes two threads."""
-_ODOMETRY_US: Final = {331: 20_000}
-"""Where it is also our source of poses."""
-_GPS_US: Final = {24: 200_000}
-"""GPS_RAW_INT."""
 _ANSWERS: Final = {_CMD_DO_SET_MODE: 2}
 """To one request: the MAVLink module accepts a mode at once, and the commander answers when it has decided."""
 _ACCEPTED: Final = 0
@@ -97,14 +80,19 @@ class MavsdkAutopilot:
         self._asked_boots = -1
         self._asked_armed = False
         self._others: set[str] = set()
-        odometry = {} if on_odometry is None else _ODOMETRY_US
-        self._intervals_us = _INTERVALS_US | odometry | (_GPS_US if wants_gps else {})
+        odometry = {} if on_odometry is None else rates.ODOMETRY_US
+        self._intervals_us = rates.ALWAYS_US | odometry | (rates.GPS_US if wants_gps else {})
         self._problem = "not connected yet"
 
     @property
     def problem(self) -> str:
         """Why there is no connection; empty while there is one."""
         return self._problem
+
+    @property
+    def is_armed(self) -> bool:
+        """As `state` tells, for whoever asks at each datagram."""
+        return bool(self._telemetry.told("armed"))
 
     async def connect(self, timeout_s: float = 10.0) -> None:
         """Raises AutopilotError when the port is taken, or our vehicle is not heard within `timeout_s` or is no PX4."""
@@ -337,7 +325,7 @@ class MavsdkAutopilot:
         """Until heartbeats have stayed away for long: asks for what stays away, and tells the autopilot how we are."""
         status_ns = 0
         while self._heartbeat_age_s() < _RECONNECT_S:
-            await self._sleep(_WATCH_S)
+            await self._clock.sleep_until_ns(next_beat_ns(self._clock.now_ns(), _WATCH_NS))
             with contextlib.suppress(AutopilotError):  # what was not sent shows as a heartbeat that stays away
                 self._ask_again()
                 if self._clock.now_ns() - status_ns >= _STATUS_S * NS_PER_S:
@@ -361,7 +349,7 @@ class MavsdkAutopilot:
         if boots != self._asked_boots or (due and unanswered):
             self._ask_for_telemetry()
         elif self._asked_armed != bool(self._telemetry.told("armed")):
-            self._ask_for_intervals(_DISARMED_US)
+            self._ask_for_intervals(rates.DISARMED_US)
         elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
@@ -388,7 +376,7 @@ class MavsdkAutopilot:
 
     def _ask_for_intervals(self, message_ids: Iterable[int]) -> None:
         self._asked_ns, self._asked_armed = self._clock.now_ns(), self.state().armed
-        wanted_us = self._intervals_us | ({} if self._asked_armed else _DISARMED_US)
+        wanted_us = self._intervals_us | ({} if self._asked_armed else rates.DISARMED_US)
         asked = [(message_id, wanted_us[message_id]) for message_id in message_ids]
         self._telemetry.acknowledged[_CMD_SET_MESSAGE_INTERVAL] = len(wanted_us) - len(asked)
         for one in asked:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import errno
 import functools
 import json
@@ -36,6 +37,7 @@ _CLOSE_TIMEOUT_S = 3.0
 _LOOK_S = 0.02
 _ONBOARD_COMPUTER = 191
 """MAV_COMP_ID_ONBOARD_COMPUTER."""
+_known = threading.local()
 _NAMES = {Kind.PX4: "PX4", Kind.ARDUPILOT: "ArduPilot"}
 
 
@@ -201,8 +203,17 @@ class MavsdkLink:
         return {_name(s) for s in systems if s.has_autopilot() and s.get_system_id() != self.system_id}
 
     def _take(self, message: MavlinkMessage, user_data: object) -> None:
+        _stay()
         if message.system_id == self.system_id:
             self._on_message(message.message_name, message.component_id, message.fields_json)
+
+
+def _stay() -> None:
+    """A thread of the library is known to the interpreter while it calls us: what that is kept in is made and thrown
+    away for each message, with pages of memory that the kernel clears. One claim that is never given back keeps it."""
+    if not hasattr(_known, "is_kept"):
+        _known.is_kept = True
+        ctypes.pythonapi.PyGILState_Ensure()
 
 
 def _name(system: Any) -> str:

@@ -15,6 +15,8 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, Final
 
+import msgspec
+
 from companion.autopilot.arming_checks import ArmingChecks
 from companion.autopilot.batteries import Batteries
 from companion.autopilot.odometry import pose_from_odometry
@@ -58,6 +60,7 @@ _ACCELEROMETER_ERROR = 2048
 """which must not be,"""
 _CONSTANT_POSITION = 128
 """nor this in the air. On the ground it is normal: PX4 sets it while the vehicle stands still, disarmed."""
+_DECODER: Final = msgspec.json.Decoder()
 _OF_EVERY_BOOT: Final = ("heartbeat_mono_ns", "system_id", "autopilot")
 
 
@@ -124,7 +127,7 @@ class Telemetry:
             return  # cameras and gimbals share the autopilot's system id
         now_ns = self._now_ns()
         try:
-            known = self._handlers[name](json.loads(fields_json), now_ns)
+            known = self._handlers[name](_fields(fields_json), now_ns)
         except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, struct.error):
             self.malformed += 1
             return
@@ -291,6 +294,15 @@ class Telemetry:
         self.acknowledgements[int(fields["command"])] = int(fields["result"])
         self.acknowledged[int(fields["command"])] += 1
         return {}
+
+
+def _fields(text: str) -> Fields:
+    """In a third of the time that `json` takes; which alone takes NaN and infinity for numbers."""
+    try:
+        fields: Fields = _DECODER.decode(text)
+    except msgspec.DecodeError:
+        fields = json.loads(text)
+    return fields
 
 
 def _heartbeat(fields: Fields, now_ns: int) -> Fields:

@@ -16,6 +16,12 @@ def age_s(t_ns: int | None, now_ns: int) -> float:
     return math.inf if t_ns is None else (now_ns - t_ns) / NS_PER_S
 
 
+def next_beat_ns(now_ns: int, period_ns: int) -> int:
+    """The next whole multiple of a period. What is done by such times is done together: one wake of the event loop for
+    all that is due, and caches that are still its own."""
+    return (now_ns // period_ns + 1) * period_ns
+
+
 class Clock(Protocol):
     """Time as control sees it: monotonic nanoseconds, never wall time."""
 
@@ -61,8 +67,8 @@ class HostSleep:
 
 
 class Ticker:
-    """Ticks at absolute deadlines. A late tick is counted as an overrun and the missed deadlines are skipped: a
-    control loop that fell behind must act on fresh data, not catch up on old deadlines."""
+    """Ticks at absolute deadlines, the beats of its period. A late tick is counted as an overrun and the missed
+    deadlines are skipped: a control loop that fell behind must act on fresh data, not catch up on old deadlines."""
 
     def __init__(self, clock: Clock, rate_hz: float) -> None:
         self._clock = clock
@@ -71,9 +77,8 @@ class Ticker:
 
     async def ticks(self) -> AsyncIterator[int]:
         """Yields the time of each tick [ns]."""
-        deadline_ns = self._clock.now_ns()
+        deadline_ns = next_beat_ns(self._clock.now_ns(), self._period_ns)
         while True:
-            deadline_ns += self._period_ns
             await self._clock.sleep_until_ns(deadline_ns)
             now_ns = self._clock.now_ns()
             missed = (now_ns - deadline_ns) // self._period_ns
@@ -81,3 +86,4 @@ class Ticker:
                 self.overruns += missed
                 deadline_ns += missed * self._period_ns
             yield now_ns
+            deadline_ns += self._period_ns

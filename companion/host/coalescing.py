@@ -5,6 +5,9 @@ anything arrives, all sockets are read together, once a period, and one that had
 watched until the next (as the kernel's NAPI does). One that had nothing is watched: what its sender was late with comes
 in a burst, which a Unix socket's short queue does not hold for a period. Within a socket nothing changes places.
 
+Turns are on the beat (`companion.core.clock.next_beat_ns`), and half of them on that of the control loop, which looks
+in the same wake and just behind them: what decides has seen all that arrived until then.
+
 What is read late must not be stamped late. Datagrams bring times of their own, or the kernel's (`csi_bridge.arrival`).
 Where there are none, the first datagram behind each turn is still read at once.
 
@@ -15,13 +18,15 @@ then lost nothing yet, and the processor's time is worth less than a pose.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import Counter
 from collections.abc import Callable
 from typing import Final, Protocol
 
-PERIOD_S: Final = 0.02
+PERIOD_S: Final = 0.025
 AT_ONCE: Final = 256
 """Where a drain took so many, more may wait; that is taken as soon as others have had their turn."""
+_EARLY_S: Final = 1e-4
 _FEW: Final = 6
 """Datagrams that may wait in one socket; a Unix socket holds 11 (net.unix.max_dgram_qlen). More of them, sooner."""
 
@@ -51,23 +56,32 @@ class CoalescedReaders:
         self._may_wait = may_wait
         self._drains: dict[int, Drain] = {}
         self._unstamped: set[int] = set()
+        self._deep: set[int] = set()
         self._watched: set[int] = set()
         self._found: Counter[int] = Counter()
         """Datagrams since the last turn."""
         self._timer: asyncio.TimerHandle | None = None
         """Of the next turn; None while nothing arrives."""
 
-    def add_reader(self, fd: int, callback: Drain, /, is_stamped: bool = True) -> None:
-        """`is_stamped`: when each datagram arrived is known, however late it is read."""
+    def add_reader(self, fd: int, callback: Drain, /, is_stamped: bool = True, is_deep: bool = False) -> None:
+        """`is_stamped`: when each datagram arrived is known, however late it is read. `is_deep`: the socket holds all
+        that a sender that was late may send at once, and need not be watched while there are turns."""
         self._drains[fd] = callback
         if not is_stamped:
             self._unstamped.add(fd)
+        elif is_deep:
+            self._deep.add(fd)
         self._watch(fd)
+
+    def deep(self) -> Readers:
+        """Adds readers whose sockets are deep."""
+        return _Deep(self)
 
     def remove_reader(self, fd: int, /) -> None:
         """Harmless when repeated. Before the socket is closed: its number may be another's then."""
         self._ignore(fd)
         self._unstamped.discard(fd)
+        self._deep.discard(fd)
         self._drains.pop(fd, None)
         if not self._drains and self._timer is not None:
             self._timer.cancel()
@@ -81,7 +95,7 @@ class CoalescedReaders:
     def _woken(self, fd: int) -> None:
         if self._timer is None:
             if self._may_wait():
-                self._timer = self._loop.call_later(self._period_s, self._turn)
+                self._timer = self._loop.call_at(self._beat_s(), self._turn)
         elif fd in self._unstamped:
             self._ignore(fd)
         self._drain(fd)
@@ -93,13 +107,17 @@ class CoalescedReaders:
         if not self._may_wait():
             found.clear()
         elif most and self._drains:
-            wait_s = 0.0 if most >= AT_ONCE else self._period_s * min(1.0, _FEW / most)
-            self._timer = self._loop.call_later(wait_s, self._turn)
+            soon_s = self._loop.time() + (0.0 if most >= AT_ONCE else self._period_s * _FEW / most)
+            self._timer = self._loop.call_at(min(soon_s, self._beat_s()), self._turn)
         for fd in self._drains:
-            if found[fd] and fd not in self._unstamped:
+            if (found[fd] and fd not in self._unstamped) or (fd in self._deep and self._timer is not None):
                 self._ignore(fd)
             else:
                 self._watch(fd)
+
+    def _beat_s(self) -> float:
+        """Of the loop's clock, which is the monotonic one; a timer may fire a little early."""
+        return (math.floor((self._loop.time() + _EARLY_S) / self._period_s) + 1) * self._period_s
 
     def _watch(self, fd: int) -> None:
         if fd not in self._watched:
@@ -117,3 +135,14 @@ class CoalescedReaders:
             self._found[fd] += 0 if drain is None else drain()
         except Exception as error:  # noqa: BLE001 - one that fails is told as the loop tells it, and stops no other
             self._loop.call_exception_handler({"message": f"Exception in callback {drain!r}", "exception": error})
+
+
+class _Deep:
+    def __init__(self, readers: CoalescedReaders) -> None:
+        self._readers = readers
+
+    def add_reader(self, fd: int, callback: Drain, /) -> None:
+        self._readers.add_reader(fd, callback, is_deep=True)
+
+    def remove_reader(self, fd: int, /) -> None:
+        self._readers.remove_reader(fd)

@@ -30,9 +30,11 @@ writer that is not scheduled at once."""
 _SYNC_S: Final = 1.0
 """What a power cut may cost at most, and the time the disk takes."""
 _IDLE_S: Final = 0.5
-_GATHER_S: Final = 0.1
+_GATHER_S: Final = 0.25
 """A writer that has nothing to do lets messages gather: woken by each of some 400 a second it took twice the
 processor's time, and the control loop's to be woken. Never past the time that a chunk has to end."""
+_AT_ONCE: Final = 256
+"""Messages that are written before the writer looks up."""
 _LARGEST_BYTES: Final = 512 << 10
 """No message is larger than this, by far: an aperture of 1000 packets measures 50 kB, a profile 65."""
 _RETRY_S: Final = 5.0
@@ -61,7 +63,9 @@ class McapRecorder:
         self._settings = config.recorder
         self._path = path
         self._clock = clock
-        self._queue: queue.Queue[_Item | None] = queue.Queue(self._settings.queue_messages)
+        # Whoever records pays for it 400 times a second: this queue takes no lock of Python's. Its length is looked at
+        # before a message is put into it, so that threads that do at once may pass the limit by one each.
+        self._queue: queue.SimpleQueue[_Item | None] = queue.SimpleQueue()
         # Log time is wall time at the start plus monotonic time since: it never steps.
         self._wall_minus_mono_ns = time.time_ns() - time.monotonic_ns()
         self._metadata = {
@@ -88,11 +92,11 @@ class McapRecorder:
 
     def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         """Queues bytes as they are, or a frozen message to be encoded by the writer."""
-        item = (time.monotonic(), stream, self._clock.now_ns(), t_mono_ns, self._clock.number & 0xFFFFFFFF, message)
-        try:
-            self._queue.put_nowait(item)
-        except queue.Full:
+        if self._queue.qsize() >= self._settings.queue_messages:
             self.dropped += 1
+            return
+        clock = self._clock
+        self._queue.put((time.monotonic(), stream, clock.now_ns(), t_mono_ns, clock.number & 0xFFFFFFFF, message))
 
     @property
     def failed(self) -> bool:
@@ -111,8 +115,7 @@ class McapRecorder:
     def close(self) -> None:
         """Writes out what is queued and finishes the file; gives up on a disk that hangs."""
         if self._thread.is_alive():
-            with contextlib.suppress(queue.Full):
-                self._queue.put(None, timeout=_CLOSE_S)
+            self._queue.put(None)
             self._thread.join(_CLOSE_S)
 
     def _write_all(self) -> None:
@@ -131,7 +134,7 @@ class McapRecorder:
                 self._part.finish()
 
     def _write_next(self) -> bool:
-        """Writes one message, ends a chunk that is old or syncs one that none followed; False at the end. An old
+        """Writes what waits, ends a chunk that is old or syncs one that none followed; False at the end. An old
         chunk still takes what waits in the queue, so that a disk that was slow does not make many small ones."""
         part = self._part
         chunk_due_s = (math.inf if part is None else part.oldest_s) + _CHUNK_S
@@ -148,12 +151,16 @@ class McapRecorder:
             elif part is not None and now_s >= sync_due_s:
                 part.sync(unless_within_s=0.0)
             return True
-        if item is None:
-            return False
-        if part is None:
-            self.dropped += 1
-        elif self._write(part, item):
-            self._chunk_ended(part)
+        for left in reversed(range(_AT_ONCE)):
+            if item is None:
+                return False
+            if self._part is None:
+                self.dropped += 1
+            elif self._write(self._part, item):
+                self._chunk_ended(self._part)
+            if not left or self._queue.empty():
+                break
+            item = self._queue.get()  # nobody else takes from it
         return True
 
     def _write(self, part: LogPart, item: _Item) -> bool:

@@ -10,11 +10,12 @@ from typing import Any, BinaryIO, Final, Literal
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from companion.core.messages import Pose
 from companion.core.streams import Stream
 from companion.log.encoding import encoded, schema_of, views
+from companion.log.mcap_writer import WholeChunkWriter
 
 Compression = Literal["zstd", "lz4", "none"]
 METADATA: Final = "companion"
@@ -63,7 +64,7 @@ class LogWriter:
     ) -> None:
         self._file = file
         self._chunk_bytes = chunk_bytes
-        self._writer = Writer(file, chunk_size=sys.maxsize, compression=_COMPRESSION[compression])
+        self._writer = WholeChunkWriter(file, chunk_size=sys.maxsize, compression=_COMPRESSION[compression])
         self._writer.start(profile="", library=LIBRARY)
         self._channels: dict[str, int] = {}
         self._copied: dict[tuple[str, str, tuple[str, str, bytes]], int] = {}

@@ -76,10 +76,8 @@ class PoseHealth:
 
     def take(self, pose: Pose, now_ns: int) -> bool:
         """Whether this pose can be used at all."""
-        if not _is_finite(pose):
-            return self._refuse("not finite", now_ns)
-        if not _is_plausible(pose):
-            return self._refuse("not plausible", now_ns)
+        if not _is_plausible(pose):  # nor is what is not finite
+            return self._refuse("not plausible" if _is_finite(pose) else "not finite", now_ns)
         if pose.confidence < 1:
             return self._refuse("failed", now_ns)
         if pose.t_mono_ns - now_ns > _AHEAD_NS:

@@ -10,8 +10,8 @@ the tracker began anew, in another frame.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 _LAYOUT = struct.Struct("<4sQ3d4f3fBBH")
 _MAGIC = b"PSE1"
@@ -31,8 +31,10 @@ class PoseWireError(ValueError):
     """A datagram is not a pose datagram; the message says in which way."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RawPose:
+_FRAMES = {int(frame): frame for frame in PoseFrame}
+
+
+class RawPose(NamedTuple):
     """One pose as the tracker gave it, still in the tracker's axes. May hold NaN: a lost T265 sends such poses."""
 
     t_mono_ns: int
@@ -61,22 +63,12 @@ def decode(datagram: bytes) -> RawPose:
     """Raises PoseWireError for anything that `encode` did not make."""
     if len(datagram) != DATAGRAM_BYTES:
         raise PoseWireError(f"{len(datagram)} bytes, expected {DATAGRAM_BYTES}")
-    magic, t_mono_ns, *values, confidence, frame, session = _LAYOUT.unpack(datagram)
+    magic, t_mono_ns, x, y, z, qw, qx, qy, qz, vx, vy, vz, confidence, frame, session = _LAYOUT.unpack(datagram)
     if magic != _MAGIC:
         raise PoseWireError(f"magic {magic!r}, expected {_MAGIC!r}")
     if confidence > 3:
         raise PoseWireError(f"confidence {confidence}, expected 0..3")
-    try:
-        axes = PoseFrame(frame)
-    except ValueError:
-        raise PoseWireError(f"frame {frame}, expected one of {[int(f) for f in PoseFrame]}") from None
-    x, y, z, qw, qx, qy, qz, vx, vy, vz = values
-    return RawPose(
-        t_mono_ns=t_mono_ns,
-        position_m=(x, y, z),
-        quaternion_wxyz=(qw, qx, qy, qz),
-        velocity_m_s=(vx, vy, vz),
-        confidence=confidence,
-        frame=axes,
-        session=session,
-    )
+    axes = _FRAMES.get(frame)
+    if axes is None:
+        raise PoseWireError(f"frame {frame}, expected one of {list(_FRAMES)}")
+    return RawPose(t_mono_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence, axes, session)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,20 +14,19 @@ from csi_bridge.clock import NicClock
 from csi_bridge.feitcsi.channel import thinned
 from csi_bridge.feitcsi.parser import parse_record
 from csi_bridge.feitcsi.records import FEITCSI_CODE, TICKS_PER_US, FeitRecord
-from csi_bridge.parser import parse_body
-from csi_bridge.records import SUBCARRIERS, CsiError, CsiRecord
+from csi_bridge.parser import channels, parse_head
+from csi_bridge.records import CSI_CODE, MPDU_CODE, SUBCARRIERS, CsiError, CsiHead, row_antennas
 from csi_bridge.scaling import is_40mhz, total_rss_dbm, without_spatial_mapping
 from csi_bridge.source import CsiSource
 
 ANTENNAS = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ChannelSample:
-    """The channel of one packet, of its first transmit antenna.
+class ChannelSample(NamedTuple):
+    """One packet, and its channel of its first transmit antenna; `power_dbm` received over all antennas.
 
-    `csi` (S, R) complex64 in counts of the card by antenna A, B, C, zero where a record lacks one of them; `power_dbm`
-    received over all antennas.
+    An Intel 5300's channel stays packed until somebody wants it: most packets are of a vehicle that waits, and many
+    at once take little longer than one.
     """
 
     peer: int
@@ -35,7 +35,8 @@ class ChannelSample:
     """Counter of the exchange; None where the driver gives none (layout 34): such packets are paired by time."""
     t_mono_ns: int
     nic_us: int
-    csi: npt.NDArray[np.complex64]
+    channel: bytes | npt.NDArray[np.complex64]
+    """As of `csi`, or the body of the record that holds it, for `packed_channels`."""
     power_dbm: float
     subcarrier_hz: npt.NDArray[np.float64] | None = None
     """(S,) from the channel's centre; None for the 30 of an Intel 5300 at 20 MHz."""
@@ -45,6 +46,11 @@ class ChannelSample:
     """Format and width of an AX card's packet, bits 8 to 13 of its rate word; 0: an Intel 5300's."""
     half_turns: bool = False
     """Whether the sign of each antenna's channel is random in every packet."""
+
+    @property
+    def csi(self) -> npt.NDArray[np.complex64]:
+        """(S, R) in counts of the card by antenna A, B, C, zero where a record lacks one of them."""
+        return packed_channels([self.channel])[0] if isinstance(self.channel, bytes) else self.channel
 
 
 @dataclass(slots=True, kw_only=True)
@@ -92,8 +98,7 @@ class Radio:
         self.nic_clock = NicClock()
         self._bfee_count: int | None = None
         self.counters = RadioCounters()
-        self.rssi_dbm: tuple[float | None, ...] = (None,) * ANTENNAS
-        """Of the newest record, by antenna A, B, C; None where there is no signal."""
+        self._newest: CsiHead | FeitRecord | None = None
 
     def drain(self) -> int:
         """Takes what waits in the source; how many records that were."""
@@ -103,28 +108,36 @@ class Radio:
             heard_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
             self._on_record(heard_ns, code, body)
             try:
-                record = parse_record(body) if code == FEITCSI_CODE else parse_body(code, body)
+                if code == CSI_CODE:
+                    self._take(parse_head(body), body, heard_ns)
+                elif code == FEITCSI_CODE:
+                    self._take_feitcsi(parse_record(body), heard_ns)
+                elif code != MPDU_CODE:
+                    self.counters.unknown_code += 1
             except CsiError:
                 self.counters.malformed += 1
-                continue
-            if isinstance(record, CsiRecord):
-                self._take(record, heard_ns)
-            elif isinstance(record, FeitRecord):
-                self._take_feitcsi(record, heard_ns)
-            elif record is None:
-                self.counters.unknown_code += 1
         return len(records)
+
+    @property
+    def rssi_dbm(self) -> tuple[float | None, ...]:
+        """Of the newest record, by antenna A, B, C; None where there is no signal."""
+        newest = self._newest
+        if newest is None:
+            return (None,) * ANTENNAS
+        if isinstance(newest, CsiHead):
+            return tuple(value - 44.0 - newest.agc if value else None for value in newest.rssi)
+        return (*(float(power) if power else None for power in newest.rssi_dbm), None)
 
     def antenna_power(self) -> dict[str, float | None]:
         return dict(zip("ABC", self.rssi_dbm, strict=True))
 
-    def _take(self, record: CsiRecord, heard_ns: int) -> None:
+    def _take(self, record: CsiHead, body: bytes, heard_ns: int) -> None:
         counters = self.counters
         counters.records += 1
         resets = self.nic_clock.resets
         t_mono_ns = self.nic_clock.update(record.timestamp_low_us, heard_ns)
         self._count_losses(record.bfee_count, self.nic_clock.resets != resets)
-        self.rssi_dbm = tuple([value - 44.0 - record.agc if value else None for value in record.rssi])
+        self._newest = record
         if record.mac is None:
             counters.no_sender += 1
             return
@@ -138,15 +151,7 @@ class Radio:
         counters.no_counter += record.frame_count is None
         counters.samples += 1
         power_dbm = total_rss_dbm(record.rssi, record.agc)
-        sample = ChannelSample(
-            peer=peer,
-            frame=record.frame_count,
-            t_mono_ns=t_mono_ns,
-            nic_us=record.timestamp_low_us,
-            csi=_by_antenna(record),
-            power_dbm=power_dbm,
-        )
-        self._on_sample(sample)
+        self._on_sample(ChannelSample(peer, record.frame_count, t_mono_ns, record.timestamp_low_us, body, power_dbm))
 
     def _take_feitcsi(self, record: FeitRecord, heard_ns: int) -> None:
         """Such a card counts neither packets nor what it lost."""
@@ -154,7 +159,7 @@ class Radio:
         resets = self.nic_clock.resets
         t_mono_ns = self.nic_clock.update(record.timestamp_low_us, heard_ns)
         self.counters.restarts += self.nic_clock.resets != resets
-        self.rssi_dbm = (*(float(power) if power else None for power in record.rssi_dbm), None)
+        self._newest = record
         peer = self._peers.get(record.mac)
         if peer is None:
             self.counters.unknown_sender += 1
@@ -168,7 +173,7 @@ class Radio:
                 frame=None,
                 t_mono_ns=t_mono_ns,
                 nic_us=record.timestamp_low_us,
-                csi=_by_power(channel[:, :, 0], record),
+                channel=_by_power(channel[:, :, 0], record),
                 power_dbm=record.power_dbm,
                 subcarrier_hz=subcarrier_hz,
                 fine_us=record.ftm_ticks / TICKS_PER_US,
@@ -201,10 +206,14 @@ def _by_power(csi: npt.NDArray[np.complex64], record: FeitRecord) -> npt.NDArray
     return values
 
 
-def _by_antenna(record: CsiRecord) -> npt.NDArray[np.complex64]:
-    csi = without_spatial_mapping(record.csi, record.rate)[:, :, 0]
-    if record.n_rx == ANTENNAS:
-        return csi
-    values = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
-    values[:, list(record.antennas)] = csi
-    return values
+def packed_channels(bodies: Sequence[bytes]) -> npt.NDArray[np.complex64]:
+    """Channels (N, 30, 3) as of `ChannelSample.csi` of records whose heads are sound: of the first transmit antenna."""
+    csi = np.zeros((len(bodies), SUBCARRIERS, ANTENNAS), np.complex64)
+    alike: dict[tuple[int, bytes, bytes], list[int]] = {}
+    for row, body in enumerate(bodies):
+        alike.setdefault((len(body), body[8:10], body[15:20]), []).append(row)  # antennas; antenna_sel, length, rate
+    for rows in alike.values():
+        head = parse_head(bodies[rows[0]])
+        found = without_spatial_mapping(channels([bodies[row] for row in rows]), head.rate)[..., 0]
+        csi[np.ix_(rows, range(SUBCARRIERS), sorted(row_antennas(head.antenna_sel, head.n_rx)))] = found
+    return csi

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from companion.config.schema import Config
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, next_beat_ns
 from companion.core.event_clock import EventClock
 from companion.core.inputs import BookState, Tick
 from companion.core.messages import Pose, pose_bytes
@@ -33,7 +33,7 @@ from companion.roles.inputs import Inputs
 from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import Iteration
 from companion.team.sent import sighting_of
-from wsr.displacement import antenna_positions
+from wsr.displacement import antenna_position
 
 _POSES_SHOWN_HZ = 50.0
 
@@ -114,7 +114,7 @@ class Node:
         assert link is not None
         self._readers = readers = CoalescedReaders(loop, _period_s(self.config), may_wait)
         readers.add_reader(self._source.fileno(), self.take_csi, self._source.is_stamped)
-        link.attach(readers, self._drain_link)
+        link.attach(readers.deep(), self._drain_link)
         if self._pinger is not None:
             loop.add_reader(self._pinger.fileno(), self._pinger.drain)
         try:
@@ -219,7 +219,7 @@ class Node:
     async def _broadcast(self, link: Link) -> None:
         period_ns = round(NS_PER_S / self.config.neighbours.rate_hz)
         while True:
-            await self.clock.sleep_until_ns(self.clock.now_ns() + period_ns)
+            await self.clock.sleep_until_ns(next_beat_ns(self.clock.now_ns(), period_ns))
             link.watch(self.clock.now_ns())
             for datagram in self.sender.datagrams(self.clock.now_ns()):
                 if not link.send(datagram):
@@ -227,7 +227,7 @@ class Node:
 
     async def _report_health(self) -> None:
         while True:
-            await self.clock.sleep_until_ns(self.clock.now_ns() + NS_PER_S)
+            await self.clock.sleep_until_ns(next_beat_ns(self.clock.now_ns(), NS_PER_S))
             self.each_second()
             health = self.health()
             self.recorder.record(HEALTH, health.t_mono_ns, health)
@@ -241,7 +241,7 @@ class Node:
     def _share_pose(self, pose: Pose) -> None:
         """Where our antenna was goes out with the next datagram."""
         if self.sender.wants_pose(pose.t_mono_ns):
-            antenna_m = antenna_positions(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
+            antenna_m = antenna_position(pose.p_enu_m, pose.q_enu_from_body, self.config.pose.antenna_m)
             self.sender.add_pose(pose.t_mono_ns, antenna_m, pose.confidence)
 
     def _note_exchange(self, sample: ChannelSample) -> None:

@@ -71,7 +71,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
     )
 
     def may_wait() -> bool:
-        return uav.flight.state in AT_REST and not edges[-1].state().armed
+        return uav.flight.state in AT_REST and not edges[-1].is_armed
 
     team = TeamOf(uav.node)
     tag_camera = TagCamera(config, lambda frame: _take_tags(uav, frame))

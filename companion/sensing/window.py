@@ -18,6 +18,7 @@ from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ANTENNAS, ChannelSample
 from companion.sensing.centres import Centres
 from companion.sensing.history import History
+from companion.sensing.packets import FINE, FRAME, NIC, POWER, Packets, T
 from csi_bridge.clock import NicClock
 from csi_bridge.feitcsi.records import TICKS_PER_US
 from csi_bridge.records import SUBCARRIERS
@@ -40,9 +41,7 @@ _FINE_WRAP_US = float(1 << 32) / TICKS_PER_US
 _REVERSE_LEAD_NS = NS_PER_S  # a reverse channel may arrive before its forward one is drained
 _REMAP_NS = NS_PER_S  # a packet's time may move by so much while the relation of the clocks is young
 _WEAK_COUNTS = 1.0  # CSI parts are whole numbers: below one count there is quantisation and no signal
-_NO_FRAME = -1
 _PATH_STEP_NS = NS_PER_S // 20
-_FRAME, _NIC, _T, _POWER, _FINE = 0, 1, 2, 3, 4
 
 Times = npt.NDArray[np.int64]
 
@@ -75,34 +74,6 @@ class ApertureReport:
         return x, y, z
 
 
-class _Heard:
-    """Packets of one peer over one grid of subcarriers: counter, NIC stamp, time, power, fine stamp, and channels in
-    counts of the card (half precision keeps a 5300's whole numbers exactly). Rows are in the order they came in."""
-
-    def __init__(self, like: ChannelSample) -> None:
-        self.stamps = History(_SAMPLE_CAPACITY, 5)
-        self.csi = History(_SAMPLE_CAPACITY, like.csi.size * 2, np.float16)
-        self.shape = like.csi.shape
-        self.subcarrier_hz = like.subcarrier_hz
-        self.half_turns, self.band = like.half_turns, like.band
-
-    def add(self, sample: ChannelSample) -> None:
-        newest = self.stamps.newest_ns
-        # The mapped times of a young clock relation may step back a little.
-        key_ns = sample.t_mono_ns if newest is None else max(newest, sample.t_mono_ns)
-        self.stamps.append(
-            key_ns,
-            (
-                _NO_FRAME if sample.frame is None else sample.frame,
-                sample.nic_us,
-                sample.t_mono_ns,
-                sample.power_dbm,
-                math.nan if sample.fine_us is None else sample.fine_us,
-            ),
-        )
-        self.csi.append(key_ns, np.ascontiguousarray(sample.csi).view(np.float32).ravel())
-
-
 class SarWindow:
     """Keeps what the radio and the camera deliver and cuts apertures out of it.
 
@@ -123,7 +94,7 @@ class SarWindow:
         self._min_packets = min_packets
         self._max_pose_gap_s = max_pose_gap_s
         self._poses = History(_POSE_CAPACITY, 7)
-        self._heard: dict[int, dict[bytes, _Heard]] = {}
+        self._heard: dict[int, dict[bytes, Packets]] = {}
         self._centres: dict[int, tuple[Centres, Centres]] = {}
         self._nic_clock = nic_clock
 
@@ -135,7 +106,7 @@ class SarWindow:
         heard = self._heard.setdefault(sample.peer, {})
         on = b"" if sample.subcarrier_hz is None else sample.subcarrier_hz.tobytes()
         if on not in heard:
-            heard[on] = _Heard(sample)
+            heard[on] = Packets(sample, _SAMPLE_CAPACITY)
         heard[on].add(sample)
 
     def body_at(self, t_ns: Times) -> npt.NDArray[np.float64]:
@@ -199,30 +170,28 @@ class SarWindow:
         nothing = _Forward(*(np.zeros(0, np.int64),) * 3, np.zeros((0, SUBCARRIERS, ANTENNAS), np.complex64))
         return max(found, key=lambda forward: len(forward.t_ns), default=nothing)
 
-    def _forward_on(self, heard: _Heard, start_ns: int, end_ns: int) -> _Forward:
-        margin = (start_ns - _REMAP_NS, end_ns + _REMAP_NS)
-        _, stamps = heard.stamps.between(*margin)
-        _, parts = heard.csi.between(*margin)
+    def _forward_on(self, heard: Packets, start_ns: int, end_ns: int) -> _Forward:
+        stamps = heard.stamps(start_ns - _REMAP_NS, end_ns + _REMAP_NS)
         t_ns = self._times(stamps)
         inside = (t_ns >= start_ns) & (t_ns <= end_ns)
-        csi = parts[inside].astype(np.float32).view(np.complex64).reshape(-1, *heard.shape)
+        t_ns, stamps = t_ns[inside], stamps[inside]
         return _Forward(
-            t_ns[inside],
-            stamps[inside, _FRAME].astype(np.int64),
-            stamps[inside, _NIC].astype(np.int64),
-            csi,
+            t_ns,
+            stamps[:, FRAME].astype(np.int64),
+            stamps[:, NIC].astype(np.int64),
+            heard.channels(stamps),
             heard.subcarrier_hz,
             heard.half_turns,
-            _mean_dbm(stamps[inside, _POWER]),
+            _mean_dbm(stamps[:, POWER]),
             heard.band,
-            stamps[inside, _FINE],
+            stamps[:, FINE],
         )
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:
-        t_ns = stamps[:, _T].astype(np.int64)
+        t_ns = stamps[:, T].astype(np.int64)
         if self._nic_clock is None or not len(t_ns):
             return t_ns
-        again_ns = self._nic_clock.host_ns(stamps[:, _NIC].astype(np.uint32))
+        again_ns = self._nic_clock.host_ns(stamps[:, NIC].astype(np.uint32))
         # Those before a reset of the card's clock keep the time they had.
         return np.where(np.abs(again_ns - t_ns) < _REMAP_NS // 2, again_ns, t_ns)
 

@@ -221,7 +221,7 @@ def _samples(records: list[CsiRecord], peer: int) -> list[ChannelSample]:
                 frame=record.frame_count,
                 t_mono_ns=t_ns,
                 nic_us=record.timestamp_low_us,
-                csi=csi,
+                channel=csi,
                 power_dbm=power_dbm,
             )
         )

@@ -13,7 +13,6 @@ import math
 import os
 import select
 import socket
-from dataclasses import replace
 from pathlib import Path
 
 from companion.host.unix_datagram import bind_datagram_socket
@@ -24,9 +23,9 @@ def _spoilt(pose: wire.RawPose, order: str, offset_m: float) -> wire.RawPose | N
     if order == "pause":
         return None
     if order == "nan":
-        return replace(pose, position_m=(math.nan, math.nan, math.nan))
+        return pose._replace(position_m=(math.nan, math.nan, math.nan))
     x, y, z = pose.position_m
-    return replace(pose, position_m=(x + offset_m, y, z))
+    return pose._replace(position_m=(x + offset_m, y, z))
 
 
 def main() -> None:
@@ -47,7 +46,7 @@ def main() -> None:
                 pose = _spoilt(wire.decode(world.recv(256)), order, offset_m)
                 if pose is not None:
                     with contextlib.suppress(OSError):
-                        out.sendto(wire.encode(replace(pose, session=session)), paths["to"])
+                        out.sendto(wire.encode(pose._replace(session=session)), paths["to"])
 
 
 if __name__ == "__main__":

@@ -233,7 +233,7 @@ class _Service:
         csi[:, 0] = 10 + 10j
         self._frame += 1
         self.node.samples.give(
-            ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, csi=csi, power_dbm=-50.0)
+            ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, channel=csi, power_dbm=-50.0)
         )
         self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
 

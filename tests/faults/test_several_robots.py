@@ -69,7 +69,7 @@ class _TwoRobots(VirtualFlight):
         )
         self.is_second_heard = True
         give = self.uav.node.samples.give  # power falls with the distance
-        self.uav.node.samples.give = lambda one: give(replace(one, power_dbm=self._power(one.peer)))  # type: ignore[method-assign,assignment]
+        self.uav.node.samples.give = lambda one: give(one._replace(power_dbm=self._power(one.peer)))  # type: ignore[method-assign,assignment]
         self.setpoints = noted_setpoints(self, monkeypatch)
 
     async def tick(self) -> None:
@@ -89,7 +89,9 @@ class _TwoRobots(VirtualFlight):
         csi[:, 0] = 10 + 10j
         nic_us = now_ns // 1000 & 0xFFFFFFFF
         self.uav.node.samples.give(
-            ChannelSample(peer=_SECOND, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, csi=csi, power_dbm=-50.0)
+            ChannelSample(
+                peer=_SECOND, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, channel=csi, power_dbm=-50.0
+            )
         )
         self.second.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
 

@@ -144,7 +144,7 @@ class DrawnSenses:
         world.give_poses(service, [Pose(now_ns - ago_ns, p_m, _LEVEL, v_m_s, 3) for ago_ns in self._poses_ago_ns])
         if not world.lasts("packets"):
             service.flight.knowledge.heard(
-                ChannelSample(peer=BEACON_ID, frame=None, t_mono_ns=now_ns, nic_us=0, csi=_NO_CSI, power_dbm=-50.0)
+                ChannelSample(peer=BEACON_ID, frame=None, t_mono_ns=now_ns, nic_us=0, channel=_NO_CSI, power_dbm=-50.0)
             )
             world.note_packet()
         if not world.lasts("datagrams"):

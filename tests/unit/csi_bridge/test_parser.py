@@ -7,8 +7,10 @@ import struct
 import numpy as np
 import pytest
 
-from csi_bridge.parser import parse_body
+from csi_bridge.encoder import encode_body
+from csi_bridge.parser import channels, parse_body, parse_head
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord, MpduRecord
+from tests import csi_records
 from tests.csi_records import MAC
 from tests.unit.csi_bridge.bodies import read_bits, stock_body
 
@@ -74,3 +76,25 @@ def test_bodies_of_wrong_size_are_refused(size: int) -> None:
 def test_other_codes() -> None:
     assert parse_body(MPDU_CODE, b"frame") == MpduRecord(b"frame")
     assert parse_body(0x42, b"whatever") is None
+
+
+@pytest.mark.parametrize("layout", [20, 34, 38])
+def test_the_head_alone_says_all_but_the_channel(layout: int) -> None:
+    records = [csi_records.record(2, 2, layout, seed) for seed in range(5)]
+    bodies = [encode_body(record) for record in records]
+    for record, body, csi in zip(records, bodies, channels(bodies), strict=True):
+        head = parse_head(body)
+        assert {name: getattr(record, name) for name in head._fields} == head._asdict()
+        assert np.array_equal(csi, record.csi)
+
+
+@pytest.mark.parametrize(("at", "value"), [(8, 0), (8, 4), (9, 200), (16, 191)])
+def test_a_head_is_refused_in_the_words_of_the_whole(at: int, value: int) -> None:
+    body = bytearray(stock_body(3, 1, 0b100100, bytes(192)))
+    body[at] = value
+    told = []
+    for parse in (parse_head, lambda body: parse_body(CSI_CODE, body)):
+        with pytest.raises(CsiError) as caught:
+            parse(bytes(body))
+        told.append(str(caught.value))
+    assert told[0] == told[1]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wsr.displacement import antenna_positions, interpolate, relative_displacement
+from wsr.displacement import antenna_position, antenna_positions, interpolate, relative_displacement
 from wsr.geometry import quaternion_from_yaw
 
 POSE_T = np.array([0.0, 0.1, 0.2, 1.0])
@@ -57,6 +57,15 @@ def test_lever_arm_turns_with_the_body() -> None:
     q = quaternion_from_yaw(np.array([0.0, math.pi / 2]))
     got = antenna_positions([[5, 5, 1], [5, 5, 1]], q, [0.2, 0.0, 0.1])
     np.testing.assert_allclose(got, [[5.2, 5, 1.1], [5, 5.2, 1.1]], atol=1e-12)
+
+
+def test_a_single_lever_arm_turns_as_many_do() -> None:
+    draw = np.random.default_rng(2)
+    for _ in range(20):
+        p_m, q, lever_m = draw.normal(size=3), draw.normal(size=4), draw.normal(size=3)
+        q /= np.linalg.norm(q)
+        one = antenna_position(tuple(p_m.tolist()), tuple(q.tolist()), tuple(lever_m.tolist()))
+        np.testing.assert_allclose(one, antenna_positions(p_m, q, lever_m), rtol=1e-12, atol=1e-12)
 
 
 def test_displacement_of_moving_ends_ignores_their_origins() -> None:

@@ -66,7 +66,7 @@ class _Known:
     def hear(self, peer: int) -> None:
         csi = np.zeros((30, 3), np.complex64)
         self.knowledge.heard(
-            ChannelSample(peer=peer, frame=1, t_mono_ns=self.clock.now_ns(), nic_us=0, csi=csi, power_dbm=-50.0)
+            ChannelSample(peer=peer, frame=1, t_mono_ns=self.clock.now_ns(), nic_us=0, channel=csi, power_dbm=-50.0)
         )
 
 

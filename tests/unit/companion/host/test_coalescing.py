@@ -100,7 +100,7 @@ async def test_the_first_after_silence_is_read_at_once_and_later_ones_wait() -> 
         await asyncio.sleep(0.02)
         assert inlet.read == [b"first"]
         await _polled(readers, inlet)
-        readers._period_s = 30.0
+        readers._period_s = 1e9
         await _turned(inlet)
         inlet.theirs.send(b"waits")
         await asyncio.sleep(0.02)
@@ -149,7 +149,7 @@ async def test_of_a_socket_without_stamps_the_first_behind_each_turn_is_read_at_
         readers.add_reader(stamped.ours.fileno(), stamped.drain)
         readers.add_reader(unstamped.ours.fileno(), unstamped.drain, is_stamped=False)
         await _polled(readers, stamped)
-        readers._period_s = 30.0
+        readers._period_s = 1e9
         await _turned(stamped)
         for data in (b"1", b"2"):
             unstamped.theirs.send(data)
@@ -231,8 +231,13 @@ class _Loop:
     def remove_reader(self, fd: int) -> None:
         self.watched.pop(fd, None)
 
-    def call_later(self, delay_s: float, callback: Callable[[], None]) -> None:
+    def time(self) -> float:
+        return 7.03
+
+    def call_at(self, when_s: float, callback: Callable[[], None]) -> object:
+        assert when_s == pytest.approx(7.05)
         self.turns.append(callback)
+        return callback
 
 
 def test_where_nothing_may_wait_each_datagram_is_read_when_it_comes() -> None:
@@ -256,3 +261,16 @@ def test_where_nothing_may_wait_each_datagram_is_read_when_it_comes() -> None:
     assert len(taken) == 8 and 7 in loop.watched and not loop.turns, (
         "a flight begins: watched again, nothing left behind"
     )
+
+
+def test_a_deep_socket_is_not_watched_while_there_are_turns() -> None:
+    loop, waits = _Loop(), {7: 1, 8: 0}
+    readers = CoalescedReaders(loop, _PERIOD_S)  # type: ignore[arg-type]
+    readers.add_reader(7, lambda: waits[7])
+    readers.deep().add_reader(8, lambda: waits[8])
+    loop.watched[7]()
+    loop.turns.pop()()
+    assert not loop.watched
+    waits[7] = 0
+    loop.turns.pop()()
+    assert set(loop.watched) == {7, 8} and not loop.turns, "nothing arrives any more: the first wakes us again"

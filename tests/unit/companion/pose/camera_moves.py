@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from companion.core.messages import Pose
 from companion.pose import wire
@@ -31,5 +30,5 @@ def camera_pose(name: str, north_deg: float, mirrored: bool = False) -> tuple[Po
         confidence=3,
         frame=wire.PoseFrame.T265,
     )
-    then = replace(at, t_mono_ns=2, position_m=(sign * x, sign * y, sign * z), quaternion_wxyz=about_y)
+    then = at._replace(t_mono_ns=2, position_m=(sign * x, sign * y, sign * z), quaternion_wxyz=about_y)
     return frame.pose(at), frame.pose(then)

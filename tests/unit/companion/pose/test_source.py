@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import socket
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,7 +97,7 @@ def test_a_reader_that_began_anew_is_noticed(tmp_path: Path) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
         camera.connect(str(path))
         for session in (7, 7, 8, 8):
-            camera.send(wire.encode(replace(raw((1.0, 2.0, 3.0)), session=session)))
+            camera.send(wire.encode(raw((1.0, 2.0, 3.0))._replace(session=session)))
         source.drain()
     source.close()
     assert source.resets == 1
@@ -111,7 +110,7 @@ def test_two_readers_at_once_are_told_in_one_line(tmp_path: Path, caplog: pytest
         camera.connect(str(path))
         for number in range(500):
             for session, x in ((7, 1.0), (8, 2.0)):
-                pose = replace(raw((x, 0.0, 0.0)), session=session, t_mono_ns=number * 5_000_000)
+                pose = raw((x, 0.0, 0.0))._replace(session=session, t_mono_ns=number * 5_000_000)
                 camera.send(wire.encode(pose))
                 source.drain()
         assert (source.resets, source.received, source.strangers) == (1, 501, 499)
@@ -119,7 +118,7 @@ def test_two_readers_at_once_are_told_in_one_line(tmp_path: Path, caplog: pytest
         (said,) = caplog.messages
         assert "two camera readers" in said
         # The one that is kept ends: the other is taken as one that begins anew.
-        camera.send(wire.encode(replace(raw((1.0, 0.0, 0.0)), session=7, t_mono_ns=4_000_000_000)))
+        camera.send(wire.encode(raw((1.0, 0.0, 0.0))._replace(session=7, t_mono_ns=4_000_000_000)))
         source.drain()
     source.close()
     assert (source.resets, source.received) == (2, 502)

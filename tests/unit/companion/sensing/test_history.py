@@ -34,3 +34,15 @@ def test_time_does_not_go_back() -> None:
     assert not history.append(4, [0])
     assert history.append(5, [1])
     assert history.refused == 1
+
+
+def test_rows_that_are_not_asked_for_are_kept_all_the_same() -> None:
+    """They are gathered first; a capacity that holds no gathering is one of its own."""
+    for capacity in (3, 128, 200):
+        history = History(capacity, 1)
+        for t in range(1000):
+            history.append(t, (2 * t,))
+            assert history.newest_ns == t
+        times, rows = history.between(0, 1000)
+        np.testing.assert_array_equal(times, np.arange(1000 - capacity, 1000))
+        np.testing.assert_array_equal(rows[:, 0], 2 * times)

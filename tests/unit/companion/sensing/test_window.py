@@ -89,7 +89,7 @@ def test_the_window_keeps_samples_of_both_cards() -> None:
     window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
     for sample in samples:
         window.add_sample(sample)
-        window.add_sample(replace(sample, peer=4))
+        window.add_sample(sample._replace(peer=4))
     assert [sample.peer for sample in samples] == [2, 3, 2, 3]
 
 
