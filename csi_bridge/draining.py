@@ -25,6 +25,7 @@ class Draining:
         self._stamped = StampedSocket(opened) if is_stamped else None
         self._decode = decode
         self._counters = SourceCounters()
+        self._gathered: list[tuple[bytes, Any, int | None]] = []
 
     @property
     def counters(self) -> SourceCounters:
@@ -44,19 +45,26 @@ class Draining:
         """As `arrivals`, without their times."""
         return [(code, body) for code, body, _ in self.arrivals(limit)]
 
-    def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
+    def gather(self, limit: int = 256) -> int:
         """See CsiSource. ENOBUFS means records were lost and the socket is fine: counted, reading goes on."""
-        records: list[tuple[int, bytes, int | None]] = []
+        before = len(self._gathered)
         for _ in range(limit):
             try:
-                datagram, sender, arrived_ns = self._receive()
+                self._gathered.append(self._receive())
             except BlockingIOError:
                 break
             except OSError as error:
                 if error.errno != errno.ENOBUFS:
                     raise
                 self._counters.overruns += 1
-                continue
+        return len(self._gathered) - before
+
+    def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
+        """See CsiSource."""
+        self.gather(limit)
+        gathered, self._gathered = self._gathered, []
+        records: list[tuple[int, bytes, int | None]] = []
+        for datagram, sender, arrived_ns in gathered:
             record = self._counted(datagram, sender)
             if record is not None:
                 records.append((record[0], record[1], arrived_ns))

@@ -34,10 +34,15 @@ class CsiSource(Protocol):
     def fileno(self) -> int: ...
 
     def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
-        """At most `limit` records (code, body, arrival); reads until the socket is empty otherwise. Never blocks.
+        """What was gathered and at most `limit` more records (code, body, arrival); reads until the socket is empty
+        otherwise. Never blocks.
 
         Arrival is on CLOCK_MONOTONIC [ns], None where it is not known: then a record came at the latest now.
         """
+        ...
+
+    def gather(self, limit: int = 256) -> int:
+        """Reads at most `limit` records and keeps them for `arrivals`; how many datagrams those were."""
         ...
 
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:

@@ -61,7 +61,7 @@ class Link:
     def attach(self, readers: Readers, drain: Drain) -> None:
         """`drain` is called when something has arrived, whichever socket it is by then."""
         self._attached = readers, drain
-        readers.add_reader(self.fileno(), drain)
+        readers.add_reader(self.fileno(), drain, is_deep=True)
 
     def drain(self) -> list[bytes]:
         """As `arrivals`, without their times."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 from collections import deque
@@ -83,6 +84,7 @@ class PoseSource:
         self._path = path
         self._frame = BodyFrame(north_yaw_rad)
         self._on_pose = on_pose
+        self._gathered: list[bytes] = []
         self._session: int | None = None
         self._left: deque[int] = deque(maxlen=_LEFT)
         self._newest_ns = 0
@@ -100,23 +102,30 @@ class PoseSource:
 
     async def run(self, readers: Readers | None = None) -> None:
         loop = asyncio.get_running_loop()
-        read_by: Readers = loop if readers is None else readers
-        read_by.add_reader(self.fileno(), self.drain)
+        if readers is None:
+            loop.add_reader(self.fileno(), self.drain)
+        else:
+            readers.add_reader(self.fileno(), self.drain, gather=self.gather)
         try:
             await loop.create_future()
         finally:
-            read_by.remove_reader(self.fileno())
+            (loop if readers is None else readers).remove_reader(self.fileno())
+
+    def gather(self) -> int:
+        """Keeps what waits for `drain`; how many datagrams that were."""
+        before = len(self._gathered)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._gathered.append(self._socket.recv(4096, socket.MSG_DONTWAIT))
+        return len(self._gathered) - before
 
     def drain(self) -> int:
-        """Takes what waits; how many datagrams that were."""
-        count = 0
-        while True:
-            try:
-                datagram = self._socket.recv(4096, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return count
-            count += 1
+        """Takes what waits and what was gathered; how many datagrams that were."""
+        self.gather()
+        datagrams, self._gathered = self._gathered, []
+        for datagram in datagrams:
             self._take(datagram)
+        return len(datagrams)
 
     def close(self) -> None:
         self._socket.close()

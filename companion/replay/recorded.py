@@ -74,6 +74,9 @@ class RecordedCsi:
     def drain(self, limit: int = 256) -> list[tuple[int, bytes]]:
         return [(code, body) for code, body, _ in self.arrivals(limit)]
 
+    def gather(self, limit: int = 256) -> int:
+        return 0
+
     def arrivals(self, limit: int = 256) -> list[tuple[int, bytes, int | None]]:
         records, self._records = self._records, []
         self._drained += len(records)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from companion.config.schema import Config
+from companion.core.clock import NS_PER_S, next_beat_ns
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.host.fed_process import keep_fed
@@ -16,7 +17,8 @@ from companion.log.feed import STATUS, Feed, introduction
 from companion.log.lines import record_lines
 
 _log = logging.getLogger(__name__)
-_STATUS_S: Final = 1.0
+_STATUS_NS: Final = NS_PER_S
+"""On the beat of the service's own health, which needs the same of what is known."""
 
 
 class FedProcess(ABC):
@@ -70,7 +72,7 @@ class FedProcess(ABC):
     async def _tell(self, feed: Feed, status: Callable[[], dict[str, Any]]) -> None:
         while True:
             feed.tell(STATUS, self._clock.now_ns(), status())
-            await asyncio.sleep(_STATUS_S)
+            await self._clock.sleep_until_ns(next_beat_ns(self._clock.now_ns(), _STATUS_NS))
 
     def _tell_failure(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:

@@ -15,7 +15,7 @@ from companion.core.messages import Pose, pose_bytes
 from companion.core.output import Output
 from companion.core.recorder import Recorder
 from companion.core.streams import BOOK, CSI, HEALTH, NEIGHBOUR, POSE, POSE_IN, SECOND
-from companion.host.coalescing import PERIOD_S, CoalescedReaders
+from companion.host.coalescing import PERIOD_S, TURNS_A_LOOK, CoalescedReaders
 from companion.host.ending import Parts
 from companion.neighbours import wire
 from companion.neighbours.link import Link
@@ -112,9 +112,15 @@ class Node:
             self.open()
         link = self._link
         assert link is not None
-        self._readers = readers = CoalescedReaders(loop, _period_s(self.config), may_wait)
-        readers.add_reader(self._source.fileno(), self.take_csi, self._source.is_stamped)
-        link.attach(readers.deep(), self._drain_link)
+        self._readers = readers = CoalescedReaders(loop, *_turns(self.config), may_wait)
+        is_stamped = self._source.is_stamped
+        readers.add_reader(
+            self._source.fileno(),
+            self.take_csi,
+            is_stamped=is_stamped,
+            gather=self._source.gather if is_stamped else None,
+        )
+        link.attach(readers, self._drain_link)
         if self._pinger is not None:
             loop.add_reader(self._pinger.fileno(), self._pinger.drain)
         try:
@@ -264,11 +270,11 @@ class Node:
         self.recorder.record(CSI, t_mono_ns, bytes([code]) + body)
 
 
-def _period_s(config: Config) -> float:
-    """How long what arrives may wait. Of two poses that reach PX4 at once its estimator sees one only, so where poses
-    are forwarded no two that are due may wait."""
+def _turns(config: Config) -> tuple[float, int]:
+    """How long what arrives may wait in its socket, and how many such periods to be worked out. Of two poses that reach
+    PX4 at once its estimator sees one only, so where poses are forwarded no two that are due may wait."""
     forward_hz = 0.0 if config.autopilot is None else config.autopilot.forward_vio_hz
-    return min(PERIOD_S, 0.5 / forward_hz) if forward_hz else PERIOD_S
+    return (min(PERIOD_S, 0.5 / forward_hz), 1) if forward_hz else (PERIOD_S, TURNS_A_LOOK)
 
 
 def _keys(config: Config, inputs: Inputs) -> dict[int, list[bytes]]:

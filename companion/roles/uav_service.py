@@ -117,6 +117,7 @@ async def serve_uav(config: Config, clock: EventClock, recorder: Recorder, endin
 async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> dict[str, Any]:
     if target is not None and command != "engage":
         return {"ok": False, "error": f"{command} takes no target"}
+    uav.node.read()  # a person sees, and engages by, what has arrived by now
     match command:
         case "status":
             about = introduction(uav.node.config, "live")

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from companion.config.file import load_config
 from companion.core.clock import NS_PER_S
+from companion.host.coalescing import CoalescedReaders
 from companion.neighbours.link import Link
 from tests.paths import CONFIGS
 
@@ -59,7 +60,7 @@ async def _run(kind: str) -> dict[str, object]:
         heard.extend(arrived)
         return len(arrived)
 
-    theirs.attach(asyncio.get_running_loop(), hear)
+    theirs.attach(CoalescedReaders(asyncio.get_running_loop()), hear)
     seconds = 0
     result: dict[str, object] = {}
 

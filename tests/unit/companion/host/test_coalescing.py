@@ -221,28 +221,34 @@ async def test_one_that_closes_another_or_fails_stops_no_other() -> None:
 class _Loop:
     """What an event loop was asked for."""
 
-    def __init__(self) -> None:
-        self.watched: dict[int, Callable[[], None]] = {}
-        self.turns: list[Callable[[], None]] = []
-
     def add_reader(self, fd: int, callback: Callable[..., None], *args: object) -> None:
         self.watched[fd] = lambda: callback(*args)
 
     def remove_reader(self, fd: int) -> None:
         self.watched.pop(fd, None)
 
+    def __init__(self) -> None:
+        self.watched: dict[int, Callable[[], None]] = {}
+        self.turns: list[Callable[[], None]] = []
+        self.now_s, self.due_s = 7.03, 0.0
+
     def time(self) -> float:
-        return 7.03
+        return self.now_s
 
     def call_at(self, when_s: float, callback: Callable[[], None]) -> object:
-        assert when_s == pytest.approx(7.05)
+        self.due_s = when_s
         self.turns.append(callback)
         return callback
+
+    def turn(self) -> None:
+        """When it is due, less what a timer may be early."""
+        self.now_s = self.due_s - 1e-5
+        self.turns.pop()()
 
 
 def test_where_nothing_may_wait_each_datagram_is_read_when_it_comes() -> None:
     loop, may_wait, taken = _Loop(), False, list[int]()
-    readers = CoalescedReaders(loop, _PERIOD_S, lambda: may_wait)  # type: ignore[arg-type]
+    readers = CoalescedReaders(loop, _PERIOD_S, may_wait=lambda: may_wait)  # type: ignore[arg-type]
 
     def drain() -> int:
         taken.append(7)
@@ -254,10 +260,10 @@ def test_where_nothing_may_wait_each_datagram_is_read_when_it_comes() -> None:
     assert len(taken) == 5 and not loop.turns, "in flight no turn is waited for"
     may_wait = True
     loop.watched[7]()
-    loop.turns.pop()()
+    loop.turn()
     assert len(taken) == 7 and 7 not in loop.watched and len(loop.turns) == 1, "at rest the next turn reads"
     may_wait = False
-    loop.turns.pop()()
+    loop.turn()
     assert len(taken) == 8 and 7 in loop.watched and not loop.turns, (
         "a flight begins: watched again, nothing left behind"
     )
@@ -267,10 +273,85 @@ def test_a_deep_socket_is_not_watched_while_there_are_turns() -> None:
     loop, waits = _Loop(), {7: 1, 8: 0}
     readers = CoalescedReaders(loop, _PERIOD_S)  # type: ignore[arg-type]
     readers.add_reader(7, lambda: waits[7])
-    readers.deep().add_reader(8, lambda: waits[8])
+    readers.add_reader(8, lambda: waits[8], is_deep=True)
     loop.watched[7]()
-    loop.turns.pop()()
+    loop.turn()
     assert not loop.watched
     waits[7] = 0
-    loop.turns.pop()()
+    loop.turn()
     assert set(loop.watched) == {7, 8} and not loop.turns, "nothing arrives any more: the first wakes us again"
+
+
+class _Queue:
+    """A socket's queue, and what was made of it."""
+
+    def __init__(self) -> None:
+        self.waiting: list[int] = []
+        self.gathered: list[int] = []
+        self.drained: list[int] = []
+        self.sent = 0
+
+    def send(self, count: int = 1) -> None:
+        self.waiting += range(self.sent, self.sent + count)
+        self.sent += count
+
+    def gather(self) -> int:
+        count, self.gathered, self.waiting = len(self.waiting), self.gathered + self.waiting, []
+        return count
+
+    def drain(self) -> int:
+        self.gather()
+        count, self.drained, self.gathered = len(self.gathered), self.drained + self.gathered, []
+        return count
+
+
+def test_between_looks_datagrams_are_gathered_and_worked_out_at_the_look() -> None:
+    loop, queue, armed = _Loop(), _Queue(), False
+    readers = CoalescedReaders(loop, _PERIOD_S, 2, lambda: not armed)  # type: ignore[arg-type]
+    readers.add_reader(7, queue.drain, gather=queue.gather)
+    queue.send()
+    loop.watched[7]()
+    assert queue.drained == [0], "after silence at once"
+    for _ in range(10):
+        queue.send(5)
+        loop.turn()
+        is_look = round(loop.now_s / _PERIOD_S) % 2 == 0
+        assert (not queue.gathered) == is_look and not queue.waiting and 7 not in loop.watched
+        assert queue.drained + queue.gathered == list(range(queue.sent))
+    if queue.gathered:
+        loop.turn()
+    assert not queue.gathered
+    loop.turn()
+    assert not loop.turns and 7 in loop.watched, "silence again"
+    queue.send()
+    loop.watched[7]()
+    queue.send(3)
+    armed = True
+    loop.turn()
+    assert queue.drained == list(range(queue.sent)) and 7 in loop.watched and not loop.turns, "a flight begins"
+    queue.send()
+    loop.watched[7]()
+    assert queue.drained == list(range(queue.sent)), "and each is worked out as it comes"
+
+
+def test_many_in_a_short_queue_are_gathered_sooner_and_what_is_gathered_does_not_stay() -> None:
+    loop, queue = _Loop(), _Queue()
+    loop.now_s = 7.0
+    readers = CoalescedReaders(loop, _PERIOD_S, 2)  # type: ignore[arg-type]
+    readers.add_reader(7, queue.drain, gather=queue.gather)
+    queue.send()
+    loop.watched[7]()
+    assert loop.due_s == pytest.approx(7.05)
+    queue.send(11)
+    loop.turn()
+    assert len(queue.gathered) == 11 and loop.due_s == pytest.approx(7.075, abs=1e-4), "half a period for twice as many"
+    loop.turn()
+    assert len(queue.gathered) == 11 and loop.due_s == pytest.approx(7.1), "nothing came, but something is kept"
+    queue.send()
+    loop.watched[7]()
+    assert len(queue.gathered) == 12, "what comes late in a burst has room"
+    loop.turn()
+    assert queue.drained == list(range(13)), "at the look"
+    queue.send(2)
+    readers.read()
+    assert queue.drained == list(range(15)), "or for whoever needs the newest"
