@@ -58,4 +58,4 @@ class _Index(MessageIndex):
         numbers = [number for record in self.records for number in record]
         stream.start_record(Opcode.MESSAGE_INDEX)
         stream.write(struct.pack(f"<HI{len(numbers)}Q", self.channel_id, 8 * len(numbers), *numbers))
-        stream.finish_record()
+        stream.finish_record()  # type: ignore[no-untyped-call]

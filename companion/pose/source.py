@@ -7,7 +7,6 @@ import contextlib
 import logging
 import socket
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -61,19 +60,6 @@ class BodyFrame:
             (ax * vx + ay * vy + az * vz, bx * vx + by * vy + bz * vz, cx * vx + cy * vy + cz * vz),
             raw.confidence,
         )
-
-    def poses(self, raw: Sequence[wire.RawPose]) -> list[Pose]:
-        """The same of many of one frame at once."""
-        if not raw:
-            return []
-        turn, turned = self._vector[raw[0].frame].T, self._quaternion[raw[0].frame].T
-        p_m = (np.array([pose.position_m for pose in raw]) @ turn).tolist()
-        v_m_s = (np.array([pose.velocity_m_s for pose in raw]) @ turn).tolist()
-        q = (np.array([pose.quaternion_wxyz for pose in raw]) @ turned).tolist()
-        return [
-            Pose(one.t_mono_ns, (p[0], p[1], p[2]), (a[0], a[1], a[2], a[3]), (v[0], v[1], v[2]), one.confidence)
-            for one, p, a, v in zip(raw, p_m, q, v_m_s, strict=True)
-        ]
 
 
 class PoseSource:

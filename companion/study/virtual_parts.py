@@ -185,12 +185,10 @@ class CameraFeed:
         self._frame += count
         self.received += count
         p_m, yaw = robot.at(t_s)
-        return self._body.poses(
-            [
-                self._camera.pose(round(t * NS_PER_S) + self._offset_ns, (p[0], p[1], p[2]), y)
-                for t, p, y in zip(t_s.tolist(), p_m.tolist(), yaw.tolist(), strict=True)
-            ]
-        )
+        return [
+            self._body.pose(self._camera.pose(round(t * NS_PER_S) + self._offset_ns, (p[0], p[1], p[2]), y))
+            for t, p, y in zip(t_s.tolist(), p_m.tolist(), yaw.tolist(), strict=True)
+        ]
 
 
 class RadioFeed:

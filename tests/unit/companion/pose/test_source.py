@@ -62,17 +62,6 @@ def test_enu_poses_pass_as_they_are() -> None:
     assert pose.q_enu_from_body == LEVEL
 
 
-def test_many_poses_are_turned_as_each_one_alone() -> None:
-    frame, rng = BodyFrame(0.7), np.random.default_rng(3)
-    seen = [raw(tuple(rng.normal(size=3)), tuple(rng.normal(size=4))) for _ in range(7)]
-    for many, one in zip(frame.poses(seen), map(frame.pose, seen), strict=True):
-        assert (many.t_mono_ns, many.confidence) == (one.t_mono_ns, one.confidence)
-        assert many.p_enu_m == pytest.approx(one.p_enu_m, rel=1e-15, abs=1e-15)
-        assert many.q_enu_from_body == pytest.approx(one.q_enu_from_body, rel=1e-15, abs=1e-15)
-        assert many.v_enu_m_s == pytest.approx(one.v_enu_m_s, rel=1e-15, abs=1e-15)
-    assert frame.poses([]) == []
-
-
 def test_the_socket_passes_good_poses_and_counts_the_rest(tmp_path: Path) -> None:
     got: list[Pose] = []
     path = tmp_path / "pose.sock"
