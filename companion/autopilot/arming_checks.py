@@ -5,7 +5,8 @@ SYS_STATUS has a bit of health for it. PX4 1.14 to 1.17 never set that bit among
 
 - the bit in health: passed;
 - no bit, or no SYS_STATUS for 3 s: not passed. What is unknown is not good;
-- no bit anywhere, ever, from a firmware that says it is older than 1.14: not known (None), and nothing is refused for
+- no bit anywhere, ever, from a firmware that says it is older than 1.14 (0.0.0 says nothing: built without its
+  version): not known (None), and nothing is refused for
   it. PX4 itself still refuses to arm.
 
 Reasons come by EVENT (see `arming_events`), from older firmware by STATUSTEXT, which PX4 1.16 sends to a ground station
@@ -27,6 +28,7 @@ _SHOWN: Final = 3
 _KEPT: Final = 20
 _ERROR: Final = 3
 _TOLD_SINCE: Final = (1, 14)
+_NO_VERSION: Final = (0, 0)
 _ANY: Final = 0xFFFFFFFF
 _TEXT: Final = "preflight fail"
 
@@ -76,7 +78,7 @@ class ArmingChecks:
         """None where the firmware does not tell."""
         if self._told_ns is None or now_ns - self._told_ns > _FRESH_NS:
             return False
-        if not self._has_bit and firmware and _version(firmware) < _TOLD_SINCE:
+        if not self._has_bit and firmware and _NO_VERSION < _version(firmware) < _TOLD_SINCE:
             return None
         return self._passed
 

@@ -70,7 +70,8 @@ def odometry_fields(pose: Pose, reset_counter: int, vehicle_ns: int) -> dict[str
 
 
 def pose_from_odometry(fields: dict[str, Any], t_mono_ns: int) -> Pose:
-    """The autopilot's own odometry as an ENU pose. Raises ValueError for a frame or number that is none, KeyError."""
+    """The autopilot's own odometry as an ENU pose, of confidence 0 where it says that its odometry has failed (quality
+    -1). Raises ValueError for a frame or number that is none, KeyError."""
     if fields["frame_id"] not in (LOCAL_NED, LOCAL_FRD):
         raise ValueError(f"ODOMETRY.frame_id {fields['frame_id']}: expected {LOCAL_NED} or {LOCAL_FRD}")
     q_ned_from_frd = w, x, y, z = _finite(fields["q"])
@@ -82,7 +83,8 @@ def pose_from_odometry(fields: dict[str, Any], t_mono_ns: int) -> Pose:
     # The two half turns of `odometry_fields`, multiplied out.
     attitude = (-_ROOT_HALF * (w + z), -_ROOT_HALF * (x + y), _ROOT_HALF * (y - x), _ROOT_HALF * (z - w))
     position = enu_of_ned(*_finite(fields[name] for name in ("x", "y", "z")))
-    return Pose(t_mono_ns, position, attitude, enu_of_ned(*velocity), 3)
+    confidence = 0 if int(fields.get("quality", 0)) < 0 else 3  # 0 is unknown: PX4 1.16 tells nothing else
+    return Pose(t_mono_ns, position, attitude, enu_of_ned(*velocity), confidence)
 
 
 def _rotated(q_wxyz: Quaternion, v: Vector3) -> Vector3:

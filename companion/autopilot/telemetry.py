@@ -31,7 +31,7 @@ Fields = dict[str, Any]
 _AUTOPILOT_COMPONENT = 1
 _MODE_FLAG_SAFETY_ARMED = 128
 _STATE_CRITICAL = 5
-"""MAV_STATE_CRITICAL: PX4 sets it while a failsafe flies."""
+"""MAV_STATE_CRITICAL: PX4 sets it while a failsafe flies. Those above it are emergency, power off and termination."""
 _LANDED_STATES = (1, 2, 3, 4)
 _LANDED_STATES_IN_AIR = (2, 3, 4)
 """In air, taking off, landing."""
@@ -62,6 +62,10 @@ _CONSTANT_POSITION = 128
 """nor this in the air. On the ground it is normal: PX4 sets it while the vehicle stands still, disarmed."""
 _DECODER: Final = msgspec.json.Decoder()
 _OF_EVERY_BOOT: Final = ("heartbeat_mono_ns", "system_id", "autopilot")
+_LANDED_OLD_NS: Final = 3_000_000_000
+"""EXTENDED_SYS_STATE is asked for at 5 Hz: who has told it no later than this has not told it."""
+_YAW_OLD_NS: Final = 500_000_000
+"""ATTITUDE at 20 Hz. A position without a heading of its time can neither be held nor tell where North is."""
 
 
 class Telemetry:
@@ -94,12 +98,14 @@ class Telemetry:
         self._lock = threading.Lock()
         self._known: Fields = {"landed_unknown": True}
         """Fields of `VehicleState` by name, as last told."""
+        self._told_ns: dict[str, int] = {}
+        """When those were told that grow old without a field of `VehicleState` that says so."""
         handlers: dict[str, Callable[[Fields, int], Fields]] = {
             "HEARTBEAT": _heartbeat,
             "CURRENT_MODE": _current_mode,
             "LOCAL_POSITION_NED": self._local_position,
             "ATTITUDE": self._attitude,
-            "EXTENDED_SYS_STATE": _landed_state,
+            "EXTENDED_SYS_STATE": self._landed_state,
             "BATTERY_STATUS": self._battery,
             "SYS_STATUS": self._status,
             "PARAM_VALUE": self._parameter,
@@ -141,7 +147,7 @@ class Telemetry:
             charge = self._batteries.now(now_ns)
             can_arm = self._arming.passed(self._known.get("firmware", ""), now_ns)
             return VehicleState(
-                **self._known,
+                **(self._known | self._outdated(now_ns)),
                 t_mono_ns=now_ns,
                 battery_remaining=charge.remaining,
                 battery_mono_ns=charge.mono_ns,
@@ -154,6 +160,16 @@ class Telemetry:
                 resets=self._resets.count,
                 p_reset_enu_m=self._resets.offset_enu_m,
             )
+
+    def _outdated(self, now_ns: int) -> Fields:
+        """What has been told too long ago to be so still: a message may stop while heartbeats go on."""
+        landed_ns, yaw_ns = self._told_ns.get("landed"), self._told_ns.get("yaw")
+        old: Fields = {}
+        if landed_ns is not None and now_ns - landed_ns > _LANDED_OLD_NS:
+            old["landed_unknown"] = True
+        if yaw_ns is not None and now_ns - yaw_ns > _YAW_OLD_NS:
+            old["yaw_enu_rad"] = None
+        return old
 
     def identify(self, system_id: int) -> None:
         """Which vehicle this is the telemetry of."""
@@ -233,7 +249,7 @@ class Telemetry:
     def _local_position(self, fields: Fields, now_ns: int) -> Fields:
         position = _enu(fields["x"], fields["y"], fields["z"])
         velocity = _enu(fields["vx"], fields["vy"], fields["vz"])
-        self._told(int(fields["time_boot_ms"]) * 1_000_000, now_ns)
+        self._told(self._boot_ns(fields, now_ns), now_ns)
         return {
             "position_mono_ns": now_ns,
             "p_local_enu_m": position,
@@ -243,8 +259,18 @@ class Telemetry:
 
     def _attitude(self, fields: Fields, now_ns: int) -> Fields:
         yaw_rad = yaw_enu_from_ned(_finite(fields["yaw"]))
-        self._told(int(fields["time_boot_ms"]) * 1_000_000, now_ns)
+        self._told(self._boot_ns(fields, now_ns), now_ns)
+        self._told_ns["yaw"] = now_ns
         return {"yaw_enu_rad": yaw_rad, "boot_ms": int(fields["time_boot_ms"])}
+
+    def _boot_ns(self, fields: Fields, now_ns: int) -> int:
+        with self._lock:
+            return self._vehicle_clock.unwrapped(int(fields["time_boot_ms"]), now_ns) * 1_000_000
+
+    def _landed_state(self, fields: Fields, now_ns: int) -> Fields:
+        told = int(fields["landed_state"])
+        self._told_ns["landed"] = now_ns
+        return {"in_air": told in _LANDED_STATES_IN_AIR, "landed_unknown": told not in _LANDED_STATES}
 
     def _timesync(self, fields: Fields, now_ns: int) -> Fields:
         """Without tc1 PX4 asks for our time, and ts1 is its own."""
@@ -311,7 +337,7 @@ def _heartbeat(fields: Fields, now_ns: int) -> Fields:
         "mode": flight_mode(fields["custom_mode"]),
         "mode_mono_ns": now_ns,
         "armed": bool(fields["base_mode"] & _MODE_FLAG_SAFETY_ARMED),
-        "failsafe": fields["system_status"] == _STATE_CRITICAL,
+        "failsafe": int(fields["system_status"]) >= _STATE_CRITICAL,
         "autopilot": _autopilot(int(fields["autopilot"]), int(fields["type"])),
     }
 
@@ -328,11 +354,6 @@ def _current_mode(fields: Fields, now_ns: int) -> Fields:
         "mode_mono_ns": now_ns,
         "intended_mode": flight_mode(intended) if intended else None,
     }
-
-
-def _landed_state(fields: Fields, now_ns: int) -> Fields:
-    landed_state = int(fields["landed_state"])
-    return {"in_air": landed_state in _LANDED_STATES_IN_AIR, "landed_unknown": landed_state not in _LANDED_STATES}
 
 
 def is_healthy(flags: int, in_air: bool) -> bool:

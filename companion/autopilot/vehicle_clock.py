@@ -23,6 +23,10 @@ _LEARN_NS: Final = 1_000_000_000
 """So long after the first message a leap is but a queue that empties."""
 _MANY_NS: Final = 5_000_000_000
 """No vehicle starts five times within so long: its clock and another's alternate."""
+_WRAP_MS: Final = 1 << 32
+"""time_boot_ms has 32 bits: after 49.7 days it begins at 0 again, and TIMESYNC goes on."""
+_NEAR_MS: Final = 60_000
+"""So near to where the clock should be now, a count that began again is the same boot's."""
 _KNOWN_AFTER: Final = 10
 """Messages: one alone may have been held up."""
 
@@ -64,6 +68,14 @@ class VehicleClock:
         """Whether two vehicles tell their clocks under one name."""
         many = self._restarts_ns
         return len(many) == many.maxlen and many[-1] - many[0] < _MANY_NS and now_ns - many[-1] < _MANY_NS
+
+    def unwrapped(self, boot_ms: int, now_ns: int) -> int:
+        """A 32-bit `boot_ms` as the vehicle's clock goes on [ms]; as it is where the vehicle has restarted."""
+        if not self._count:
+            return boot_ms
+        expected_ms = (now_ns + self._ahead_ns) // 1_000_000
+        whole_ms = boot_ms + max(0, round((expected_ms - boot_ms) / _WRAP_MS)) * _WRAP_MS
+        return whole_ms if abs(whole_ms - expected_ms) < _NEAR_MS else boot_ms
 
     def told(self, vehicle_ns: int, now_ns: int) -> Turn | None:
         """A message that left at `vehicle_ns` by the vehicle's clock arrived."""

@@ -124,6 +124,7 @@ class Engagement:
             autopilot_problem=around.autopilot_problem,
             heartbeat_age_s=self._age_s(vehicle.heartbeat_mono_ns),
             has_position=vehicle.p_local_enu_m is not None and self._age_s(vehicle.position_mono_ns) < _POSITION_S,
+            has_heading=vehicle.yaw_enu_rad is not None,
             estimator_age_s=self._age_s(vehicle.estimator_mono_ns),
             estimator_healthy=vehicle.estimator_healthy,
             position_is_global=vehicle.position_is_global,

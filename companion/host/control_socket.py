@@ -9,7 +9,9 @@ import asyncio
 import contextlib
 import functools
 import json
+import logging
 import os
+import select
 import socket
 import struct
 from collections.abc import Awaitable, Callable
@@ -17,6 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from companion.errors import CompanionError
+
+_LOG = logging.getLogger(__name__)
 
 Handler = Callable[[str, str | None], Awaitable[dict[str, Any]]]
 """Answers a command; the second is the robot that it names, if it names one."""
@@ -26,6 +30,10 @@ STATUS_SOCKET: Final = "status.sock"
 _UCRED = struct.Struct("3i")
 _LINE_BYTES = 1 << 20
 _CHANGE_NOTHING: Final = frozenset({"status"})
+_WHILE_WANTED: Final = frozenset({"engage"})
+"""Done only for who still waits for the answer. While this program stood still, whoever asked may have given up and
+gone, and the line lies in the socket: done then, it would fly a vehicle beside which nobody expects it any more."""
+_LOOK_S: Final = 0.05
 _NO_COMMAND: Final = {"ok": False, "error": 'expected one line like {"command": "status"}'}
 
 
@@ -81,7 +89,23 @@ class ControlServer:
         if uid not in (0, os.getuid()):
             return {"ok": False, "error": f"user {uid} may not command this service"}
         command, target = _command_of(line)
-        return _NO_COMMAND if command is None else await self._handler(command, target)
+        if command is None:
+            return _NO_COMMAND
+        if command in _WHILE_WANTED:
+            return await self._while_wanted(command, target, peer)
+        return await self._handler(command, target)
+
+    async def _while_wanted(self, command: str, target: str | None, peer: socket.socket) -> dict[str, Any]:
+        if is_gone(peer):
+            return _gone(command)
+        answering = asyncio.ensure_future(self._handler(command, target))
+        try:
+            while not (await asyncio.wait({answering}, timeout=_LOOK_S))[0]:
+                if is_gone(peer):
+                    return _gone(command)
+            return answering.result()
+        finally:
+            answering.cancel()
 
     async def _answer_status(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
         """Who may open the socket may ask; the file's mode decides that."""
@@ -91,6 +115,20 @@ class ControlServer:
         if command not in _CHANGE_NOTHING:
             return {"ok": False, "error": f"{command!r} is for the service's user and root; here you may ask: status"}
         return await self._handler(command, target)
+
+
+def is_gone(peer: socket.socket) -> bool:
+    """Whether the other end of a stream has closed it; who has only said all that it says (`shutdown`) waits still."""
+    if peer.fileno() < 0:
+        return True
+    poll = select.poll()
+    poll.register(peer.fileno(), 0)  # which tells of POLLHUP and POLLERR alone
+    return bool(poll.poll(0))
+
+
+def _gone(command: str) -> dict[str, Any]:
+    _LOG.warning("%s: not done; whoever asked did not wait for the answer", command)
+    return {"ok": False, "error": "whoever asked did not wait for the answer"}
 
 
 async def _refuse_second_service(path: Path) -> None:
@@ -140,9 +178,9 @@ async def ask(path: Path, command: str, timeout_s: float = 5.0, target: str | No
     try:
         async with asyncio.timeout(timeout_s):
             reader, writer = await asyncio.open_unix_connection(path, limit=_LINE_BYTES)
-            writer.write(json.dumps(asked).encode() + b"\n")
-            line = await reader.readline()
-            writer.close()
+            with contextlib.closing(writer):  # also for who gives up: the service then does not do it late
+                writer.write(json.dumps(asked).encode() + b"\n")
+                line = await reader.readline()
             answer = json.loads(line)
     except (FileNotFoundError, ConnectionRefusedError):
         raise CompanionError(f"{path}: no service is running there") from None

@@ -110,7 +110,8 @@ class PageServer:
         if not access.is_own_command(request):
             raise web.HTTPForbidden(text=f"a command comes from the page itself, with {access.COMMAND_HEADER}\n")
         try:
-            answer = await ask(self._control, name, _ENGAGE_S, request.query.get("target"))
+            asking = asyncio.ensure_future(ask(self._control, name, _ENGAGE_S, request.query.get("target")))
+            answer = await (asyncio.shield(asking) if name == "abort" else asking)  # an abort is for who has left too
         except CompanionError as error:
             answer = {"ok": False, "error": str(error)}
         shown = {key: answer[key] for key in ("ok", "error", "vehicle", "target") if key in answer}
@@ -139,8 +140,9 @@ async def _serve(settings: PageSettings, feed: socket.socket) -> None:
     token = None if settings.token_file is None else read_token(Path(settings.token_file))
     viewers = Viewers(lambda: _say({"seen": True}))
     runner = web.AppRunner(
-        PageServer(settings, token, viewers).application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=30
-    )
+        PageServer(settings, token, viewers).application(), access_log=None, shutdown_timeout=1.0, keepalive_timeout=30,
+        handler_cancellation=True,  # who has left does not engage any more
+    )  # fmt: skip
     await runner.setup()
     try:
         await web.TCPSite(runner, settings.address, settings.port, reuse_address=True).start()

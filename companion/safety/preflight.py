@@ -156,6 +156,7 @@ class Readiness:
     autopilot_problem: str
     heartbeat_age_s: float
     has_position: bool
+    has_heading: bool = True
     estimator_age_s: float
     estimator_healthy: bool
     position_is_global: bool | None = None
@@ -219,6 +220,7 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
         "the service observes; mission.control: fly lets it be engaged": now.observes,
         f"no heartbeat of the autopilot{': ' if now.autopilot_problem else ''}{now.autopilot_problem}": not linked,
         "the autopilot has no local position": not now.has_position,
+        "the autopilot tells no heading (ATTITUDE)": linked and now.has_position and not now.has_heading,
         "the autopilot's estimator tells nothing of itself": linked and now.estimator_age_s > _ESTIMATOR_S,
         "the autopilot's estimator is not healthy": now.estimator_age_s <= _ESTIMATOR_S and not now.estimator_healthy,
         "the autopilot has no global position, without which it cannot hold: with GPS wait for a fix; without, it is "

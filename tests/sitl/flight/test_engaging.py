@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import time
 
 import pytest
 import pytest_asyncio
 
+from companion.errors import CompanionError
+from companion.host.control_socket import ask
 from tests.faults.figures import record
 from tests.sitl.flying import Flying
 
@@ -39,6 +43,22 @@ async def test_an_engagement_is_refused_with_the_whole_list(flying: Flying) -> N
     assert not (await flying.px4("parameter COM_OBL_RC_ACT 5")).armed
     for order in ("parameter GF_ACTION 2", "estimator healthy", "battery 0.9"):
         await flying.px4(order)
+
+
+async def test_fault_61_who_gave_up_while_the_service_stood_still_engages_nobody(flying: Flying) -> None:
+    at_rest = (await flying.until(lambda status: not status["not_ready"]))["state"]
+    pid = flying.cast.pid("uav")
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        with pytest.raises(CompanionError, match="the service does not answer"):
+            await ask(flying.stage.control_socket, "engage", timeout_s=1.0)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    await flying.until(lambda status: not status["not_ready"])
+    await asyncio.sleep(2.0)
+    status, px4 = await flying.status(), await flying.px4()
+    record(61, engaged=status["state"] != at_rest, armed=px4.armed)
+    assert (status["state"], px4.armed, px4.landed) == (at_rest, False, True)
 
 
 @pytest.mark.parametrize("how", ["command", "switch"])

@@ -37,7 +37,7 @@ def test_the_bit_in_health_is_enough(firmware: str) -> None:
 
 @pytest.mark.parametrize(
     ("firmware", "passed"),
-    [("1.16.1", False), ("1.14.0", False), ("2.0.0", False), ("", False), ("1.13.3", None), ("0.0.0", None)],
+    [("1.16.1", False), ("1.14.0", False), ("2.0.0", False), ("", False), ("1.13.3", None), ("0.0.0", False)],
 )
 def test_without_the_bit_a_firmware_that_tells_has_failed(firmware: str, passed: bool | None) -> None:
     assert _checks(0xEFFFFFFF, 0xEFFFFFFF, 0xEFFFFFFF).passed(firmware, 0) is passed

@@ -57,6 +57,13 @@ def test_there_and_back_again() -> None:
     assert [sign * value for value in back.q_enu_from_body] == pytest.approx(pose.q_enu_from_body)
 
 
+@pytest.mark.parametrize(("quality", "confidence"), [(-1, 0), (0, 3), (1, 3), (100, 3)])
+def test_odometry_that_says_it_has_failed_is_that_of_a_failed_tracker(quality: int, confidence: int) -> None:
+    """-1 has failed and 0 is not told (MAVLink common.xml)."""
+    fields = odometry_fields(_pose(), 0, 1) | {"quality": quality}
+    assert pose_from_odometry(fields, 1).confidence == confidence
+
+
 def test_velocity_in_the_local_frame_is_taken_as_it_is() -> None:
     fields = odometry_fields(_pose(), 0, 1) | {"child_frame_id": 1, "vx": 1.0, "vy": 2.0, "vz": -3.0}
     assert pose_from_odometry(fields, 0).v_enu_m_s == pytest.approx((2.0, 1.0, 3.0))

@@ -148,6 +148,28 @@ def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: TelemetryBe
         assert bench.telemetry.state().landed_unknown is unknown
 
 
+def test_fault_62_whether_it_flies_is_unknown_once_it_is_not_told_any_more(bench: TelemetryBench) -> None:
+    bench.take("EXTENDED_SYS_STATE", {"landed_state": 1})
+    bench.now_ns += 3_000_000_000
+    bench.take("HEARTBEAT", HEARTBEAT)
+    assert not bench.telemetry.state().landed_unknown
+    bench.now_ns += 1
+    assert bench.telemetry.state().landed_unknown, "heartbeats go on, and it may have been flown off since"
+    bench.take("EXTENDED_SYS_STATE", {"landed_state": 2})
+    assert (bench.telemetry.state().landed_unknown, bench.telemetry.state().in_air) == (False, True)
+
+
+def test_fault_62_a_heading_grows_old_beside_positions_that_go_on(bench: TelemetryBench) -> None:
+    bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": 57_000})
+    bench.now_ns += 500_000_000
+    bench.take("LOCAL_POSITION_NED", POSITION | {"time_boot_ms": 57_500})
+    assert bench.telemetry.state().yaw_enu_rad == pytest.approx(math.pi / 2)
+    bench.now_ns += 1
+    assert bench.telemetry.state().yaw_enu_rad is None and bench.telemetry.state().p_local_enu_m is not None
+    bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": 57_501})
+    assert bench.telemetry.state().yaw_enu_rad == pytest.approx(math.pi / 2)
+
+
 @pytest.mark.parametrize(
     ("percent", "remaining"), [(0, 0.0), (100, 1.0), (101, None), (127, None), (-1, None), (-2, None)]
 )
@@ -236,7 +258,7 @@ def test_a_position_that_something_measures(flags: int, healthy: bool) -> None:
     assert is_healthy(flags, in_air=True) is healthy
 
 
-@pytest.mark.parametrize(("status", "failsafe"), [(3, False), (4, False), (5, True), (6, False), (8, False)])
+@pytest.mark.parametrize(("status", "failsafe"), [(3, False), (4, False), (5, True), (6, True), (8, True)])
 def test_a_failsafe_is_a_state_of_its_own(bench: TelemetryBench, status: int, failsafe: bool) -> None:
     bench.take("HEARTBEAT", HEARTBEAT | {"system_status": status})
     assert bench.telemetry.state().failsafe is failsafe

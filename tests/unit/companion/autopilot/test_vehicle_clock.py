@@ -187,3 +187,30 @@ def test_a_vehicle_that_restarts_twice_is_one(bench: TelemetryBench) -> None:
     for at_s, vehicle_ms in [(1.0, 60_000), (2.0, 500), (3.0, 1500), (4.0, 100), (5.0, 1100)]:
         _stamped(bench, vehicle_ms, at_s)
     assert not bench.telemetry.state().are_two and bench.telemetry.state().boots == 2
+
+
+@pytest.mark.parametrize("begins_ms", [(1 << 32) - 1000, 1 << 32, (3 << 32) + 5_000_000])
+def test_fault_63_a_count_of_32_bits_that_begins_again_is_no_restart(begins_ms: int) -> None:
+    """time_boot_ms after 49.7 days, beside a TIMESYNC that goes on; also for who connects only then."""
+    bench = TelemetryBench()
+    for step in range(200):
+        bench.now_ns += 10 * _MS
+        own_ms = begins_ms + 10 * step
+        bench.take("TIMESYNC", {"tc1": 0, "ts1": own_ms * _MS})
+        bench.take("LOCAL_POSITION_NED", POSITION | {"time_boot_ms": own_ms & 0xFFFFFFFF})
+        bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": own_ms & 0xFFFFFFFF})
+    state = bench.telemetry.state()
+    assert (state.boots, state.are_two, state.stood_still_ns, bench.telemetry.take_events()) == (0, False, 0, [])
+    assert bench.telemetry.vehicle_ns(bench.now_ns) == pytest.approx((begins_ms + 1990) * _MS, abs=2 * _MS)
+    bench.now_ns += 20 * _MS
+    bench.take("ATTITUDE", {"yaw": 0.0, "time_boot_ms": 120_000})
+    assert bench.telemetry.state().boots == 1, "a restart is one still"
+
+
+def test_without_timesync_a_count_that_begins_again_goes_on_too() -> None:
+    clock, ms = VehicleClock(), (1 << 32) - 400
+    for step in range(100):
+        now_ns, own_ms = _NOW_NS + 20 * step * _MS, ms + 20 * step
+        whole_ms = clock.unwrapped(own_ms & 0xFFFFFFFF, now_ns)
+        assert whole_ms == own_ms
+        assert clock.told(whole_ms * _MS, now_ns) is None

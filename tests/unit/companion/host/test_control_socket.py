@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import socket
 import sys
 from asyncio.subprocess import PIPE, STDOUT
 from contextlib import suppress
@@ -185,3 +186,59 @@ async def test_a_command_may_name_a_robot(tmp_path: Path) -> None:
             writer.write(line + b"\n")
             assert json.loads(await reader.readline()) == answer
         writer.close()
+
+
+class _Slow:
+    """Takes its time, and notes what it has begun and done."""
+
+    def __init__(self, takes_s: float = 0.3) -> None:
+        self.takes_s = takes_s
+        self.begun: list[str] = []
+        self.done: list[str] = []
+
+    async def answer(self, command: str, target: str | None = None) -> dict[str, Any]:
+        if command == "hello":
+            return {"ok": True}
+        self.begun.append(command)
+        await asyncio.sleep(self.takes_s)
+        self.done.append(command)
+        return {"ok": True}
+
+
+def _said_and_gone(path: Path, command: str) -> None:
+    with socket.socket(socket.AF_UNIX) as asking:
+        asking.connect(str(path))
+        asking.sendall(json.dumps({"command": command}).encode() + b"\n")
+
+
+async def test_who_has_gone_engages_nobody_when_a_service_that_stood_still_goes_on(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, slow = tmp_path / "control.sock", _Slow()
+    async with serving(path, slow.answer):
+        for command in ("engage", "abort"):  # while the loop stands still, as in a stopped or suspended service
+            _said_and_gone(path, command)
+        await asyncio.sleep(0.8)
+    assert slow.begun == slow.done == ["abort"], "an abort is never too late"
+    assert "engage: not done; whoever asked did not wait for the answer" in caplog.text
+
+
+async def test_who_gives_up_while_it_is_looked_at_engages_nobody(tmp_path: Path) -> None:
+    path, slow = tmp_path / "control.sock", _Slow(2.0)
+    async with serving(path, slow.answer):
+        with pytest.raises(CompanionError, match="does not answer"):
+            await ask(path, "engage", timeout_s=0.2)
+        await asyncio.sleep(2.5)
+    assert (slow.begun, slow.done) == (["engage"], [])
+
+
+async def test_who_has_said_all_and_waits_is_answered(tmp_path: Path) -> None:
+    """As `echo ... | socat - UNIX-CONNECT:...` does."""
+    path, slow = tmp_path / "control.sock", _Slow()
+    async with serving(path, slow.answer):
+        reader, writer = await asyncio.open_unix_connection(path)
+        writer.write(b'{"command": "engage"}\n')
+        writer.write_eof()
+        assert json.loads(await reader.readline()) == {"ok": True}
+        writer.close()
+    assert slow.done == ["engage"]

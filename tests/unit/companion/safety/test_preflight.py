@@ -60,6 +60,7 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
         ({"heartbeat_age_s": 2.1}, "no heartbeat of the autopilot"),
         ({"autopilot_problem": "port taken"}, "no heartbeat of the autopilot: port taken"),
         ({"has_position": False}, "the autopilot has no local position"),
+        ({"has_heading": False}, "the autopilot tells no heading (ATTITUDE)"),
         ({"estimator_age_s": 3.1}, "the autopilot's estimator tells nothing of itself"),
         ({"estimator_healthy": False}, "the autopilot's estimator is not healthy"),
         (
