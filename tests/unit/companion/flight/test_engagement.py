@@ -50,8 +50,8 @@ class _Autopilot:
     def __init__(self) -> None:
         self.vehicle = VehicleState(
             t_mono_ns=_NOW_NS, heartbeat_mono_ns=_NOW_NS, mode=FlightMode.HOLD, position_mono_ns=_NOW_NS,
-            p_local_enu_m=(0.0, 0.0, 0.0), yaw_enu_rad=0.0, battery_remaining=0.8, estimator_mono_ns=_NOW_NS, estimator_healthy=True,
-            timesync_mono_ns=_NOW_NS, system_id=1, autopilot="px4", clock_offset_ns=5,
+            p_local_enu_m=(0.0, 0.0, 0.0), yaw_enu_rad=0.0, battery_remaining=0.8, estimator_mono_ns=_NOW_NS,
+            estimator_healthy=True, timesync_mono_ns=_NOW_NS, system_id=1, autopilot="px4", clock_offset_ns=5,
         )  # fmt: skip
         self.parameters: dict[str, float] = dict(_RIGHT)
 
