@@ -14,6 +14,7 @@ from companion.config.file import load_config, text_of
 from companion.config.json_schema import json_schema, keys_of
 from companion.config.origins import ValueOrigin, origins
 from companion.config.unit_settings import drop_in
+from companion.diagnosis.key_files import look_at_key_files
 from companion.errors import ConfigError
 from companion.shipped.files import shipped_paths, shipped_text
 
@@ -28,9 +29,16 @@ def config() -> None:
 @config.command()
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 def check(paths: tuple[Path, ...]) -> None:
-    """Read each FILE as the service does. Exit code 2 with every error of the first that has one."""
+    """Read each FILE as the service does, with the key files it names. Exit code 2 with every error of the first that
+    has one."""
     for path in paths:
         read = load_config(path)
+        files = look_at_key_files(read)
+        for note in files.notes:
+            click.echo(f"{path}: {note}", err=True)
+        if files.errors:
+            count = "1 error" if len(files.errors) == 1 else f"{len(files.errors)} errors"
+            raise ConfigError(f"{path}: {count}\n" + "\n".join(f"  {line}" for line in files.errors))
         peers = ", ".join(f"{peer.id} {peer.name}" for peer in read.peers)
         click.echo(f"{path}: OK, role {read.role}, robot {read.id} {read.name}, peers {peers}")
 

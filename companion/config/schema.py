@@ -201,7 +201,7 @@ class AutopilotConfig:
     """How often ground stations are told bearing, range and state through the autopilot, with a sentence for each
     change of state and each refusal; 0 for never."""
     engage_rc_channel: Annotated[int, Meta(ge=1, le=18)] | None = None
-    """RC channel of a switch that engages when it is moved up and aborts when it is moved down; absent for none."""
+    """RC channel of a switch: up engages, down aborts. The receiver's failsafe must put it down. Absent for none."""
     engage_rc_above_us: Annotated[int, Meta(ge=1000, le=2000)] = 1700
     """Pulse width above which that switch is up."""
 

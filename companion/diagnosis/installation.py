@@ -12,6 +12,8 @@ from typing import Final
 
 from companion.config.schema import Config
 from companion.config.unit_settings import drop_in, unit_of
+from companion.errors import ConfigError
+from companion.neighbours.keys import read_key
 from companion.radio.checks import Check
 from companion.shipped.files import shipped_text
 from csi_bridge.regular_file import read_regular
@@ -114,6 +116,10 @@ def key_check(name: str, path: Path) -> Check:
     mode = stat.S_IMODE(found.st_mode)
     if mode & 0o077:
         return Check(name, False, f"{path}: mode {mode:o}, others may read it", f"chmod 600 {path}")
+    try:
+        read_key(path)
+    except ConfigError as error:
+        return Check(name, False, str(error), "copy it again")
     by_hand = os.getuid() != 0 and found.st_uid == os.getuid()
     if owner != SERVICE_USER and not by_hand and _user().ok:
         return Check(name, False, f"{path} belongs to {owner}", f"chown {SERVICE_USER} {path}")

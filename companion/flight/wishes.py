@@ -55,6 +55,7 @@ class Wishes:
         self._switch = switch
         self._beside = beside
         self._aborts = 0
+        self._watched_ns: int | None = None
 
     async def engage(self, target: str | None = None) -> str:
         """To hand over the vehicle, to fly to the robot of that name or id; without one to the robot that is the target
@@ -110,8 +111,12 @@ class Wishes:
         """Each tick: what the transmitter's switch asks for, if there is one."""
         if self._switch is None:
             return
+        now_ns = self._clock.now_ns()
+        watched_s, self._watched_ns = age_s(self._watched_ns, now_ns), now_ns
+        if watched_s > _RC_S:
+            self._switch.update(())  # we stood still: how the switch was moved meanwhile was for nobody
         # What was heard last says nothing of how the switch stands now.
-        heard = age_s(vehicle.rc_mono_ns, self._clock.now_ns()) <= _RC_S
+        heard = age_s(vehicle.rc_mono_ns, now_ns) <= _RC_S
         wish = self._switch.update(vehicle.rc_us if heard else ())
         if wish is Event.ENGAGE:
             self._beside(self._engage_by_switch(), "engage by switch")

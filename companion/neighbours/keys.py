@@ -27,12 +27,14 @@ def read_key(path: Path) -> bytes:
             key = file.read(_LARGEST_BYTES)  # whatever the name stands for
     except OSError as error:
         raise ConfigError(
-            f"{path}: cannot read the key: {error.strerror} (companion keygen {path} makes one)"
+            f"{path}: cannot read the key: {error.strerror} (companion keygen makes one, on the robot whose key it is)"
         ) from None
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise ConfigError(f"{path}: the key must be readable by its owner only: chmod 600 {path}")
     if len(key) < wire.MIN_KEY_BYTES:
         raise ConfigError(f"{path}: {len(key)} bytes of key, expected at least {wire.MIN_KEY_BYTES}")
+    if not key.strip(b"\0 \t\r\n"):
+        raise ConfigError(f"{path}: zeros or blanks and no key, as a power cut leaves files; copy it again")
     return key
 
 

@@ -22,6 +22,8 @@ _AHEAD_NS: Final = NS_PER_S // 20
 _FARTHEST_M: Final = 1e5
 _FASTEST_M_S: Final = 200.0
 _MOST_NORM_OFF: Final = 0.1
+_TIPPED: Final = 0.5
+"""Cosine of the tilt at which a robot lies on its side: 60 degrees, as in recorded trajectories."""
 _REASONS: Final = (
     "not finite", "not plausible", "failed", "future", "jump", "low confidence", "low rate", "gap", "stall", "disorder",
 )  # fmt: skip
@@ -113,9 +115,17 @@ class PoseHealth:
             f"poses are {age_s:.1f} s old": limits.stale_s < age_s < math.inf,
             f"only {rate_hz:.0f} poses a second": age_s <= limits.stale_s and rate_hz < limits.min_rate_hz,
             f"tracker confidence {confidence}": age_s <= limits.stale_s and confidence < limits.min_confidence,
+            "by them the robot lies on its side or back: pose.natnet.up, or how the camera is mounted": self._is_tipped(),
         }
         problem = next((text for text, holds in problems.items() if holds), "")
         return PoseStatus(age_s, rate_hz, confidence, self.is_lost(now_ns), problem)
+
+    def _is_tipped(self) -> bool:
+        """Whether the newest pose's body axis up is nearer to the horizon, or below it, than to Up."""
+        if self._newest is None:
+            return False
+        w, x, y, z = self._newest.q_enu_from_body
+        return w * w - x * x - y * y + z * z < _TIPPED * (w * w + x * x + y * y + z * z)
 
     def problem_between(self, start_ns: int, end_ns: int) -> str:
         """Why an aperture between two times cannot be trusted; empty when it can."""

@@ -30,4 +30,6 @@ def read_signing_key(path: Path) -> bytes:
         return bytes.fromhex(digits[1].decode())
     if len(data) != KEY_BYTES:
         raise ConfigError(f"{path}: {len(data)} bytes of signing key; expected 32, or 64 hexadecimal digits")
+    if not any(data):
+        raise ConfigError(f"{path}: 32 zeros and no signing key, as a power cut leaves files; copy it again")
     return data

@@ -47,7 +47,8 @@ def test_a_robot_is_installed_upgraded_rolled_back_and_left_alone(root: CleanRoo
         "-rw------- companion root /etc/companion/uav.key",
     ]
     assert root.run("id -nG companion").split() == ["companion"]
-    assert root.run("companion config check /etc/companion/companion.yaml").count("OK") == 1
+    said = root.run("companion config check /etc/companion/companion.yaml", code=2)
+    assert "peers[0].key_file: /etc/companion/beacon.key: cannot read the key" in said and said.count("_file:") == 1
     assert root.run("grep -c 'GROUP=\"plugdev\"' /etc/udev/rules.d/60-companion-t265.rules") == "2\n"
     assert root.run("head -1 /opt/companion/1.0/bin/companion") == "#!/opt/companion/1.0/bin/python\n"
     assert "/.new" not in root.run("cat /opt/companion/1.0/pyvenv.cfg /opt/companion/1.0/bin/activate")

@@ -18,9 +18,13 @@ def _run(*words: str) -> Result:
 
 
 def test_check_names_the_robot_and_refuses_what_the_service_refuses(tmp_path: Path) -> None:
-    done = _run("check", str(CONFIGS / "uav.yaml"), str(CONFIGS / "beacon.yaml"))
+    for role in ("uav", "beacon"):
+        text = (CONFIGS / f"{role}.yaml").read_text()
+        (tmp_path / f"{role}.yaml").write_text(text.replace("/etc/companion/", "/no/such/folder/"))
+    done = _run("check", str(tmp_path / "uav.yaml"), str(tmp_path / "beacon.yaml"))
     assert done.exit_code == 0
-    assert [line.split(": ")[1] for line in done.output.splitlines()] == [
+    assert done.stderr.count("there is no folder /no/such/folder here; not looked at") == 4
+    assert [line.split(": ")[1] for line in done.stdout.splitlines()] == [
         "OK, role uav, robot 1 uav, peers 2 beacon",
         "OK, role beacon, robot 2 beacon, peers 1 uav",
     ]

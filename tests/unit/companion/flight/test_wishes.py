@@ -139,6 +139,19 @@ def test_the_switch_aborts_at_once_and_old_pulse_widths_say_nothing() -> None:
     assert asked.beside == []
 
 
+def test_a_switch_that_was_moved_while_we_stood_still_engages_nobody() -> None:
+    """What lay in the line comes at once when the program goes on, and looks new."""
+    asked = _Asked()
+    asked.switch(1100)
+    asked.clock.advance(2.0)
+    asked.switch(1900)
+    assert asked.beside == []
+    asked.switch(1100)
+    asked.switch(1900)
+    assert len(asked.beside) == 1
+    asked.beside[0].close()
+
+
 async def test_a_robot_that_is_named_becomes_the_target_only_where_the_wish_is_granted() -> None:
     asked = _Asked()
     asked.engagement.missing = ["no poses"]

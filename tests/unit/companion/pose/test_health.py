@@ -60,6 +60,21 @@ def test_fault_16_nan_is_refused_and_lost_within_a_tenth_of_a_second(stream: _St
     assert stream.problem_since(start_ns) == "poses: not finite"
 
 
+@pytest.mark.parametrize(
+    ("q", "is_tipped"),
+    [
+        ((0.5**0.5, 0.5**0.5, 0.0, 0.0), True),  # on its side: Motive's Z up taken for Y up, the nose turned by 90 deg
+        ((0.0, 0.0, 1.0, 0.0), True),  # on its back
+        ((math.cos(math.radians(29)), 0.0, math.sin(math.radians(29)), 0.0), False),  # a hard bank
+        ((0.5**0.5, 0.0, 0.0, 0.5**0.5), False),  # turned about Up
+    ],
+)
+def test_a_robot_that_lies_on_its_side_has_wrong_axes(stream: _Stream, q: tuple[float, ...], is_tipped: bool) -> None:
+    stream.run(0.1, q_enu_from_body=q)
+    problem = stream.health.status(stream.now_ns).problem
+    assert ("lies on its side or back: pose.natnet.up" in problem) is is_tipped and bool(problem) is is_tipped
+
+
 @pytest.mark.parametrize("changes", [{"v_enu_m_s": (0.0, math.inf, 0.0)}, {"q_enu_from_body": (0.0, 0.0, 0.0, 0.0)}])
 def test_any_number_that_is_none_makes_a_pose_unusable(stream: _Stream, changes: dict[str, object]) -> None:
     stream.run(0.1, **changes)
