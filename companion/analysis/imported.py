@@ -31,6 +31,7 @@ from companion.errors import CompanionError
 from companion.host.whole_file import whole_file
 from companion.log import foxglove
 from companion.log.export import export as export_flight
+from companion.log.export import refuse_other_content
 from companion.log.reader import LogScan, Progress, Session
 from companion.log.writer import LogWriter
 from companion.pose.trajectory_columns import TrajectoryError
@@ -139,7 +140,8 @@ def export_files(
     session: Session, folder: Path, wanted: tuple[str, ...], on_cut: Callable[[Path], None] | None = None
 ) -> list[Path]:
     """The files of a recording again, those of the suffixes `wanted`: .dat of both ends, trajectories (.csv), truth
-    (.json), below `folder` as their data set has them. Raises OSError."""
+    (.json), below `folder` as their data set has them. Raises OSError, and CompanionError where files of other content
+    are there."""
     scene = scene_of(session)
     place = _place(folder, scene)
     place.mkdir(parents=True, exist_ok=True)
@@ -167,8 +169,10 @@ def export_files(
     if scene.truth_channel is not None:
         files[place / TRUTH_NAME] = _truth_text(scene).encode()
     chosen = {path: content for path, content in files.items() if path.suffix in wanted}
+    refuse_other_content(chosen)
     for path, content in chosen.items():
-        path.write_bytes(content)
+        with whole_file(path) as file:
+            file.write(content)
     return sorted(chosen)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
 from companion.commands.numbers import Number
-from companion.commands.output_files import check_writable, write_json
+from companion.commands.output_files import PICTURE, check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sensing.worker_process import compile_kernel, is_compiled
@@ -72,7 +72,7 @@ def demo(
         click.echo(f"now: companion analyze {recording}")
         return
     check_writable(json_path, out)
-    check_writable(out / "flight.png")
+    check_writable(out / "flight.png", kind=PICTURE)
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
     console = wide_console(_PIPE_WIDTH)

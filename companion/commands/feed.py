@@ -11,7 +11,7 @@ import click
 from rich.progress import Progress
 
 from companion.commands.numbers import Number
-from companion.commands.output_files import write_json
+from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, bar_columns
 from companion.errors import CompanionError
 from csi_bridge.dat_frames import DatFileError
@@ -52,6 +52,7 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
 
     Needs root for the connector; the service must be running already, with csi.require_kernel_sender: false.
     """
+    check_writable(json_path)
     try:
         tape = read_tape(file)
         netlink = VendorEventFeeder if tape.is_feitcsi else NetlinkFeeder

@@ -6,20 +6,29 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
-from companion.analysis.runs import printable
+from companion.analysis.runs import TRUTH_NAME, printable
 from companion.errors import CompanionError
 from companion.host.whole_file import try_to_write, write_whole
 
+JSON: Final = "JSON"
+PAGE: Final = "page"
+PICTURE: Final = "picture"
+TEXT: Final = "text"
+_BEGINS: Final = {JSON: b"{[", PAGE: b"<", PICTURE: b"\x89"}
+"""Each with what a file of it may begin with; text is whatever has no zero byte."""
+_LOOK_BYTES: Final = 4096
 
-def check_writable(file: Path | None, folder: Path | None = None) -> None:
-    """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is; a
-    folder that is not there is made."""
+
+def check_writable(file: Path | None, folder: Path | None = None, kind: str = JSON) -> None:
+    """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is, and must be of
+    the `kind` that will take its place; a folder that is not there is made."""
     if file is not None:
         with writing(file):
+            _refuse_another_kind(file, kind)
             is_new = not file.exists()
             try_to_write(file)
             if is_new:
@@ -30,6 +39,21 @@ def check_writable(file: Path | None, folder: Path | None = None) -> None:
             tempfile.TemporaryFile(dir=folder).close()
 
 
+def _refuse_another_kind(file: Path, kind: str) -> None:
+    """A slip of the pen gives the name of a log, or of any other file, where a result goes: it would be lost. Raises
+    OSError and CompanionError."""
+    if not file.is_file():
+        return
+    with file.open("rb") as there:
+        begun = there.read(_LOOK_BYTES)
+    first = begun.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    is_like = b"\0" not in begun if kind == TEXT else first in _BEGINS[kind]
+    if not is_like or file.name == TRUTH_NAME:
+        raise CompanionError(
+            f"{file}: is there already, and no {kind} of ours; choose another name, or delete it first"
+        )
+
+
 def write_json(path: Path, content: object) -> None:
     """Dataclasses or plain values, indented, as a whole or not at all. Raises CompanionError.
 
@@ -37,6 +61,7 @@ def write_json(path: Path, content: object) -> None:
     """
     plain = _printable(msgspec.to_builtins(content, enc_hook=_plain))
     with writing(path):
+        _refuse_another_kind(path, JSON)
         write_whole(path, msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
 
 

@@ -27,6 +27,7 @@ from companion.replay.player import Player
 from companion.replay.result import ReplayResult, replay_log, write_log
 
 _file = click.Path(path_type=Path)
+_LOG_NAME = "replay.mcap"
 _WIDTH = 150
 
 _SLOWEST = 1e-3
@@ -74,6 +75,8 @@ def replay(
         raise click.UsageError("--check asks for identity, --config for a difference: give one of them")
     session = open_session(log)
     check_writable(json_path, out)
+    if out is not None and any(path.resolve() == (out / _LOG_NAME).resolve() for path in session.paths):
+        raise CompanionError(f"{out / _LOG_NAME}: is the log that is replayed; choose another folder with --out")
     with understood(log):
         _replay(session, speed, is_check, config_path, live_page, port, json_path, out)
 
@@ -160,7 +163,7 @@ def _conclude(
     if out is not None:
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-            write_log(out / "replay.mcap", session, config, result)
+            write_log(out / _LOG_NAME, session, config, result)
         if rows:
             from companion.pictures.comparison import draw_comparison
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from companion.analysis.trajectories import PoseKind
-from companion.commands.output_files import check_writable, write_json, writing
+from companion.commands.output_files import PAGE, check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
 from companion.host.whole_file import write_whole
 from companion.log.reader import Session, open_session, understood
@@ -27,7 +27,7 @@ def report(path: Path, out: Path, poses: str | None, json_path: Path | None) -> 
     Truth is taken from the log, or from truth.mcap beside it.
     """
     session = open_session(path)
-    check_writable(out)
+    check_writable(out, kind=PAGE)
     check_writable(json_path)
     with understood(path):
         if session.metadata.get("role") == "recording":

@@ -14,7 +14,7 @@ import click
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Table
 
-from companion.commands.output_files import check_writable, writing
+from companion.commands.output_files import TEXT, check_writable, writing
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sim.scenes import FLOWN, scene_names
@@ -83,7 +83,7 @@ def study(
     console = wide_console(_PIPE_COLUMNS)
     # A study may take an hour: what would lose its results is said before.
     check_writable(json_path, out)
-    check_writable(markdown, out)
+    check_writable(markdown, out, TEXT)
     named = _named(scenes)
     if (named or markdown) and name not in (RENDEZVOUS, ALL):
         raise click.UsageError(f"--scenes and --markdown are for the study {RENDEZVOUS}, not for {name}")

@@ -41,7 +41,7 @@ def look_at_key_files(config: Config) -> KeyFiles:
         except ConfigError as error:
             found.errors.append(f"{key}: {error}")
             continue
-        if robot is None:
+        if robot is None or isinstance(data, str):
             continue
         first, owner = known.setdefault(data, (key, robot))
         if owner != robot:

@@ -27,6 +27,8 @@ from csi_bridge.encoder import encode_file_record
 FORMATS: Final = ("tum", "csv", "dat", "npz")
 """Those that need no extra."""
 ROS2: Final = "ros2"
+_EXACT: Final = frozenset({".tum", ".csv", ".dat"})
+"""Files that the same log gives again to the byte."""
 _TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, reverse=True))
 _TRAJECTORY: Final = POSE.topic + "/"
 
@@ -41,7 +43,8 @@ def export(
     """Writes below `folder`, which is made; what was written. A log without what a format needs gives no file of it.
     `on_cut` is told of each part that is cut off or damaged: what can be read of it is written.
 
-    Raises OSError, and CompanionError for an unreadable log.
+    Raises OSError, and CompanionError for an unreadable log, or where a file of other content is there already: a
+    recording's own, or of another log.
     """
     if ROS2 in formats and (folder / FOLDER).exists():
         raise CompanionError(f"{folder / FOLDER}: is there already; a bag is written anew: move it away, or use --out")
@@ -50,10 +53,19 @@ def export(
     try:
         with tempfile.TemporaryDirectory(prefix=".", dir=folder) as staging:
             written = _written(session, formats, Path(staging), progress, on_cut)
+            refuse_other_content({folder / path.name: path for path in written if path.suffix in _EXACT})
             return [path.replace(folder / path.name) for path in written]
     finally:
         if made and not any(folder.iterdir()):
             folder.rmdir()
+
+
+def refuse_other_content(new: Mapping[Path, Path | bytes]) -> None:
+    """Raises CompanionError for a file that is there and would become another one."""
+    for path, content in new.items():
+        is_there = path.is_file()
+        if is_there and path.read_bytes() != (content.read_bytes() if isinstance(content, Path) else content):
+            raise CompanionError(f"{path}: is there already, with other content; choose another folder with --out")
 
 
 def _written(

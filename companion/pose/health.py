@@ -115,7 +115,7 @@ class PoseHealth:
             f"poses are {age_s:.1f} s old": limits.stale_s < age_s < math.inf,
             f"only {rate_hz:.0f} poses a second": age_s <= limits.stale_s and rate_hz < limits.min_rate_hz,
             f"tracker confidence {confidence}": age_s <= limits.stale_s and confidence < limits.min_confidence,
-            "by them the robot lies on its side or back: pose.natnet.up, or how the camera is mounted": self._is_tipped(),
+            "the robot lies on its side or back: pose.natnet.up, or how the camera is mounted": self._is_tipped(),
         }
         problem = next((text for text, holds in problems.items() if holds), "")
         return PoseStatus(age_s, rate_hz, confidence, self.is_lost(now_ns), problem)
