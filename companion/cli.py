@@ -53,9 +53,29 @@ class _LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            _refuse_twice(command, click.Context(command, parent=ctx, info_name=name), rest)
+        return name, command, rest
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
+
+
+def _refuse_twice(command: click.Command, ctx: click.Context, args: list[str]) -> None:
+    """Of two values of one option click takes the last and says nothing. Raises UsageError, also of a group's own
+    commands."""
+    _, rest, order = command.make_parser(ctx).parse_args(list(args))
+    for option in order:
+        once = isinstance(option, click.Option) and not (option.multiple or option.is_flag or option.count)
+        if once and order.count(option) > 1:
+            raise click.UsageError(f"{max(option.opts, key=len)} is given twice; expected once", ctx)
+    if isinstance(command, click.Group) and rest and (inner := command.get_command(ctx, rest[0])) is not None:
+        _refuse_twice(inner, click.Context(inner, parent=ctx, info_name=rest[0]), rest[1:])
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
