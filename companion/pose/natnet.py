@@ -7,6 +7,9 @@ protocol version; a keep-alive (message id 10) a second keeps a unicast server s
 Motive streams right-handed axes with Y up (its default) or Z up. Y up is turned as a fixed rotation C does that takes
 (x, y, z) to (x, -z, y): p = C p, q = C q C^-1, so a rigid body that was made with its nose along Motive's X has body
 axes forward, left, up. North is what `pose.north_yaw_deg` says of Motive's axes.
+
+A frame holds when the server says that it does, on our clock by the least delayed of them: one that waited in a network
+or in a queue is as old as it is. A server that repeats one frame (a paused take) tells of no body.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from typing import Final
 
 import numpy as np
 
+from companion.autopilot.vehicle_clock import VehicleClock
 from companion.config.schema import NatNetConfig
 from companion.core.clock import NS_PER_S, Clock
 from companion.core.messages import Pose, Vector3
@@ -27,6 +31,7 @@ from companion.host.coalescing import Readers
 from companion.pose.autopilot import turned
 from companion.pose.natnet_frame import HEADER, Body, NatNetError, Version, body_in, message_of, protocol_version
 from companion.pose.port import PoseSink
+from csi_bridge.arrival import StampedSocket
 from wsr.geometry import quaternion_conjugate, quaternion_multiply
 
 _log = logging.getLogger(__name__)
@@ -38,6 +43,10 @@ _Q_ENU_FROM_Y_UP: Final = np.array([math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0])
 _DATAGRAM_BYTES: Final = 65536
 _OLDEST: Final = (2, 6)
 """Before, nothing tells whether a body is tracked."""
+_EXACT_TIME: Final = (2, 7)
+"""Before, the time stamp is a float of 32 bits: 8 ms after a day."""
+_FROZEN_NS: Final = NS_PER_S // 10
+_LATE_NS: Final = NS_PER_S // 20
 _FASTEST_M_S: Final = 50.0
 
 
@@ -52,6 +61,12 @@ class NatNetPoses:
         self._version: Version | None = None
         self._complained = False
         self._previous: tuple[float, Vector3] | None = None
+        self._frame = 0.0, 0
+        """Time of the newest frame by the server, and when it came first."""
+        self._server = VehicleClock()
+        self._late_since_ns: int | None = None
+        self.frozen = 0
+        """Frames that only repeat the one before."""
         self.received = 0
         self.malformed = 0
         self.resets = 0
@@ -62,6 +77,7 @@ class NatNetPoses:
         except OSError as error:
             self._socket.close()
             raise CompanionError(f"pose.natnet.server {config.server}: {error.strerror}") from None
+        self._stamped = StampedSocket(self._socket)
 
     def align(self, north_yaw_rad: float) -> None:
         self._north_rad = north_yaw_rad
@@ -88,15 +104,15 @@ class NatNetPoses:
     def _drain(self) -> None:
         while True:
             try:
-                datagram = self._socket.recv(_DATAGRAM_BYTES)
+                datagram, _, arrived_ns = self._stamped.receive(_DATAGRAM_BYTES)
             except BlockingIOError:
                 return
             except OSError:
                 self._version = None
                 return
-            self._take(datagram, self._clock.now_ns())
+            self._take(datagram, self._clock.now_ns() if arrived_ns is None else arrived_ns)
 
-    def _take(self, datagram: bytes, now_ns: int) -> None:
+    def _take(self, datagram: bytes, arrived_ns: int) -> None:
         try:
             number, payload = message_of(datagram)
             if number == _SERVERINFO:
@@ -104,7 +120,7 @@ class NatNetPoses:
             elif number == _FRAMEOFDATA and self._version is not None:
                 body = body_in(payload, self._version, self._config.body)
                 if body is not None:
-                    self._take_body(body, now_ns)
+                    self._take_body(body, arrived_ns)
         except NatNetError as error:
             self.malformed += 1
             self._complain(f"a datagram of pose.natnet.server {self._config.server} is left out: {error}")
@@ -124,13 +140,42 @@ class NatNetPoses:
             self._complained = True
             _log.warning("%s", text)
 
-    def _take_body(self, body: Body, now_ns: int) -> None:
+    def _held_ns(self, t_s: float, arrived_ns: int) -> int | None:
+        """When a frame of the server's time `t_s` (0: it tells none) was so, on our clock; None where it is not new."""
+        if t_s != self._frame[0]:
+            self._frame = t_s, arrived_ns
+        elif t_s and arrived_ns - self._frame[1] > _FROZEN_NS:
+            if not self.frozen:
+                _log.warning(
+                    "pose.natnet.server %s repeats the frame of its time %.3f s, which is left out: is Motive paused?",
+                    self._config.server, t_s,
+                )  # fmt: skip
+            self.frozen += 1
+            return None
+        if not t_s or self._version is None or self._version < _EXACT_TIME:
+            return arrived_ns
+        server_ns = round(t_s * NS_PER_S)
+        self._server.told(server_ns, arrived_ns)
+        late_ns = arrived_ns - server_ns + (self._server.offset_ns or server_ns - arrived_ns)
+        if late_ns < _LATE_NS:
+            self._late_since_ns = None
+        elif self._late_since_ns is None:
+            self._late_since_ns = arrived_ns
+        elif arrived_ns - self._late_since_ns > NS_PER_S:  # no queue is so long: its clock was set back
+            self._server, self._late_since_ns = VehicleClock(), None
+            return arrived_ns
+        return arrived_ns - max(0, late_ns)
+
+    def _take_body(self, body: Body, arrived_ns: int) -> None:
+        held_ns = self._held_ns(body.t_s, arrived_ns)
+        if held_ns is None:
+            return
         qx, qy, qz, qw = body.quaternion_xyzw
         p_m, q = self._enu(body.position_m, (qw, qx, qy, qz))
         confidence = 3 if body.is_tracked else 0
         velocity = self._velocity(body.t_s, p_m) if confidence else (0.0, 0.0, 0.0)
         self.received += 1
-        self._on_pose(turned(Pose(now_ns, p_m, q, velocity, confidence), self._north_rad))
+        self._on_pose(turned(Pose(held_ns, p_m, q, velocity, confidence), self._north_rad))
 
     def _enu(self, p: Vector3, q_wxyz: tuple[float, ...]) -> tuple[Vector3, tuple[float, float, float, float]]:
         x, y, z = map(float, p)

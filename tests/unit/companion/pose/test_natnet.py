@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from companion.config.schema import NatNetConfig
-from companion.core.clock import MonotonicClock
+from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.core.messages import Pose
 from companion.pose.natnet import NatNetPoses
 from tests.manual_clock import ManualClock
@@ -82,3 +82,62 @@ def test_field_case_names_that_are_not_utf_8() -> None:
         source._take(path.read_bytes(), len(got))
     source.close()
     assert (len(got), source.malformed) == (10, 0)
+
+
+class _Server:
+    """Motive at 100 Hz, whose body moves along its X at 1 m/s; what is taken when is a test's."""
+
+    def __init__(self) -> None:
+        self.got: list[Pose] = []
+        self.source = NatNetPoses(NatNetConfig(body=7), ManualClock(), self.got.append)
+        self.source._take(server_info((4, 1)), 0)
+
+    def frame(self, t_ns: int, arrives_ns: int) -> None:
+        payload = frame((4, 1), t_s=T_S + t_ns / NS_PER_S)
+        self.source._take(datagram(7, payload), arrives_ns)
+
+    def run(self, first: int, count: int, late_ns: int = 1_000_000) -> None:
+        for number in range(first, first + count):
+            self.frame(number * _FRAME_NS, number * _FRAME_NS + late_ns)
+
+
+_FRAME_NS = 10_000_000
+
+
+def test_frames_that_waited_together_hold_when_the_server_says() -> None:
+    """A stall of the network, or of this program: 0.4 s of frames come at once."""
+    server = _Server()
+    server.run(0, 100)
+    for number in range(100, 140):
+        server.frame(number * _FRAME_NS, 140 * _FRAME_NS + number * 1000)
+    server.source.close()
+    times = [pose.t_mono_ns for pose in server.got]
+    assert len(times) == 140
+    for number in range(20, 140):
+        assert times[number] == pytest.approx(number * _FRAME_NS + 1_000_000, abs=1_000_000)
+
+
+def test_a_server_that_repeats_one_frame_tells_of_no_body(caplog: pytest.LogCaptureFixture) -> None:
+    server = _Server()
+    server.run(0, 50)
+    for number in range(50, 150):
+        server.frame(49 * _FRAME_NS, number * _FRAME_NS)
+    assert len(server.got) <= 62, "a tenth of a second is no pause"
+    assert [line for line in caplog.messages if "is Motive paused?" in line] == caplog.messages
+    before = len(server.got)
+    server.run(150, 10)
+    server.source.close()
+    assert len(server.got) == before + 10, "it plays again"
+
+
+@pytest.mark.parametrize("step_ns", [-300_000_000, -5_000_000_000, 200_000_000, 7_000_000_000])
+def test_a_servers_clock_that_steps_is_found_anew_within_a_second(step_ns: int) -> None:
+    server = _Server()
+    server.run(1000, 200)
+    for number in range(1200, 1500):
+        server.frame(number * _FRAME_NS + step_ns, number * _FRAME_NS + 1_000_000)
+    server.source.close()
+    for place, pose in enumerate(server.got[320:], start=1320):
+        assert pose.t_mono_ns == pytest.approx(place * _FRAME_NS + 1_000_000, abs=2_000_000)
+    for place, pose in enumerate(server.got, start=1000):
+        assert pose.t_mono_ns <= place * _FRAME_NS + 1_000_000, "never later than it came"
