@@ -16,10 +16,11 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
+from companion import __version__
 from companion.config.file import config_of
 from companion.config.schema import Config
 from companion.core.streams import CSI, NEIGHBOUR, POSE_IN
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
 from companion.log.parts import parts_beside
 from companion.log.scan import MAGIC_BYTES, RecordScan
 from companion.log.writer import CHECKSUM, LIBRARY, METADATA, checksum_of
@@ -181,7 +182,11 @@ class Session:
             raise CompanionError(f"{where} is damaged: {error}") from None
         if not isinstance(document, dict):
             raise CompanionError(f"{where} is damaged: expected a mapping of keys")
-        return config_of(document, where)
+        try:
+            return config_of(document, where)
+        except ConfigError as error:
+            of = f"recorded by version {self.metadata.get('version', 'unknown')}, which reads it; this is {__version__}"
+            raise CompanionError(f"{error}\n  {of}") from None
 
     def messages(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +55,16 @@ def test_the_golden_flight_is_replayable_without_its_first_bytes(tmp_path: Path)
     session, golden = open_session(path), open_session(GOLDEN[0])
     assert session.config() == golden.config()
     assert [m.data for m in session.messages()] == [m.data for m in golden.messages()]
+
+
+def test_a_log_of_a_newer_version_says_which_one_reads_it() -> None:
+    session = open_session(GOLDEN[0])
+    config = json.loads(session.metadata["config"]) | {"laser": {"enabled": True}}
+    newer = replace(session, metadata={**session.metadata, "config": json.dumps(config), "version": "9.1.0"})
+    with pytest.raises(CompanionError, match="laser: unknown key") as refused:
+        newer.config()
+    assert "recorded by version 9.1.0, which reads it; this is " in str(refused.value)
+    assert refused.value.exit_code == 1, "it is the log's configuration, not the user's"
 
 
 def test_metadata_stand_at_intervals_and_a_damaged_copy_is_not_taken(tmp_path: Path) -> None:
