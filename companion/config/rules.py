@@ -18,6 +18,7 @@ from wsr.channel import WIDTHS_MHZ, wide_channel
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
 _URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:[1-9]\d{{2,7}})$")
+_BOUND_NAME: Final = re.compile(rf"^(udpin|tcpin)://((?!\d+\.\d+\.\d+\.\d+:)[^:/]+):{_PORT}$")
 _IPV4: Final = re.compile(r"^(\d{1,3}\.){3}\d{1,3}$")
 _POSES_PER_DATAGRAM: Final = 25
 _TAGS: Final = {"tag36h11": 587, "tag25h9": 35}
@@ -139,7 +140,12 @@ def _fence_and_weave(config: Config) -> Iterator[str]:
 
 
 def _url(config: Config) -> Iterator[str]:
-    if config.autopilot is not None and not _URL.match(config.autopilot.url):
+    if config.autopilot is not None and (named := _BOUND_NAME.match(config.autopilot.url)):
+        yield (
+            f"autopilot.url: {config.autopilot.url!r}: the library binds no names such as {named[2]!r}; expected an "
+            f"address of this host, for example {named[1]}://0.0.0.0:14540"
+        )
+    elif config.autopilot is not None and not _URL.match(config.autopilot.url):
         yield (
             f"autopilot.url: {config.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
             "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"

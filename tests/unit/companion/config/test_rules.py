@@ -65,6 +65,11 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         (changed("gate", min_height_m=1.45), "mission.takeoff_height_m: the vertical weave"),
         (changed("gate", fence_max_m=(50.0, 50.0, 1.55)), "mission.takeoff_height_m: the vertical weave"),
         (changed("autopilot", url="udp://:14540"), "autopilot.url: 'udp://:14540'"),
+        (
+            changed("autopilot", url="udpin://localhost:14540"),
+            "autopilot.url: 'udpin://localhost:14540': the library binds no names such as 'localhost'; expected an "
+            "address of this host, for example udpin://0.0.0.0:14540",
+        ),
         (changed("autopilot", url="serial:///dev/ttyS1:0"), "autopilot.url: 'serial:///dev/ttyS1:0'"),
         (changed("neighbours", broadcast="0.0.0.0"), "neighbours.broadcast: 0.0.0.0 leaves no host"),
         (replace(UAV, name="a\x1b[31m"), r"name: 'a\x1b[31m'; expected letters that can be printed, no /"),
