@@ -319,6 +319,23 @@ def test_an_empty_word_is_not_the_folder_we_are_in(
     assert call(*words) == (2, "companion: an empty argument; expected a value: is a variable of the shell not set?\n")
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("engage", "--target", "a", "--target=b"), "--target"),
+        (("analyze", "--traj", "a.csv", "--rx", "r", "--traj", "b.csv"), "--traj"),
+        (("analyze", "--lever", "1", "2", "3", "--lever", "1", "2", "3", "x"), "--lever"),
+        (("log", "export", "x.mcap", "--out", "a", "--to", "tum", "--to", "csv", "--out", "b"), "--out"),
+        (("report", "-o", "a", "--out", "b", "x.mcap"), "--out"),
+    ],
+)
+def test_an_option_that_stands_twice_is_refused_and_not_taken_from_the_last(
+    call: Callable[..., tuple[int, str]], words: tuple[str, ...], option: str
+) -> None:
+    code, err = call(*words)
+    assert code == 2 and f"Error: {option} is given twice; expected once" in err
+
+
 def test_a_folder_that_is_a_file_is_said_to_be(call: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     code, err = call("log", "export", str(GOLDEN[0]), "--out", str(tmp_path / "out"))

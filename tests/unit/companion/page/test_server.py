@@ -7,7 +7,7 @@ import json
 import re
 import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -232,3 +232,23 @@ def test_colours_rise_evenly_in_lightness() -> None:
     assert anchors is not None
     lightness = [row[0] for row in json.loads(anchors[1])]
     assert lightness == sorted(lightness) and lightness[-1] - lightness[0] > 75
+
+
+async def test_who_leaves_the_page_engages_nobody_and_aborts_still(tmp_path: Path) -> None:
+    done: list[str] = []
+
+    async def answer(command: str, target: str | None = None) -> dict[str, Any]:
+        await asyncio.sleep(0.0 if command == "hello" else 1.0)
+        done.append(command)
+        return {"ok": True, "error": ""}
+
+    headers = {"X-Companion": "1", "Authorization": f"Bearer {WORD}"}
+    path = tmp_path / "control.sock"
+    async with serving(path, answer), page(WORD, path) as (_, server):
+        for command in ("engage", "abort"):
+            async with asking(server) as session:
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(0.4):
+                        await session.post(f"/command/{command}", headers=headers)
+        await asyncio.sleep(1.5)
+    assert done == ["hello", "abort"]
