@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from companion.core.messages import Vector3
 
@@ -77,7 +76,11 @@ def _forward_length(shape: LegShape) -> float:
         steps = np.diff(np.stack(_turn(s, forward_m, shape)), axis=1)
         return float(np.linalg.norm(steps, axis=0).sum()) - shape.length_m
 
-    return 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, shape.length_m))
+    if excess(0.0) >= 0:
+        return 0.0
+    from scipy.optimize import brentq  # here: half a second of imports for all who only want another study
+
+    return float(brentq(excess, 0.0, shape.length_m))
 
 
 def _timed(points: npt.NDArray[np.float64], shape: LegShape) -> Leg:

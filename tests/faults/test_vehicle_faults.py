@@ -27,7 +27,7 @@ def start(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch:
 
 
 @asynccontextmanager
-async def _flying(flight: VirtualFlight, settle_s: float = 6.0) -> AsyncIterator[VirtualFlight]:
+async def _flying(flight: VirtualFlight, settle_s: float = 2.0) -> AsyncIterator[VirtualFlight]:
     try:
         async with flight.flight._commands:
             await flight.run(settle_s)
