@@ -106,14 +106,18 @@ class CoalescedReaders:
             self._drain(fd)
 
     def _woken(self, fd: int) -> None:
-        if self._timer is not None and self._sockets[fd].is_stamped:
-            self._gather(fd)
-            return
-        if self._timer is not None:
+        one = self._sockets[fd]
+        if self._timer is None:
+            if self._may_wait():
+                self._begin_turn(math.inf)
+            self._drain(fd)
+        elif not one.is_stamped:
             self._ignore(fd)
-        elif self._may_wait():
-            self._begin_turn(math.inf)
-        self._drain(fd)
+            self._drain(fd)
+        elif one.is_deep:
+            self._ignore(fd)  # it waits for the look; watched, it would wake us until then
+        else:
+            self._gather(fd)
 
     def _turn(self) -> None:
         may_wait = self._may_wait()

@@ -280,6 +280,11 @@ def test_a_deep_socket_is_not_watched_while_there_are_turns() -> None:
     waits[7] = 0
     loop.turn()
     assert set(loop.watched) == {7, 8} and not loop.turns, "nothing arrives any more: the first wakes us again"
+    waits[7] = 1
+    loop.watched[7]()
+    assert 8 in loop.watched
+    loop.watched[8]()
+    assert 8 not in loop.watched, "what comes before the first turn waits for it, and wakes us once"
 
 
 class _Queue:
