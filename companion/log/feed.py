@@ -81,7 +81,10 @@ class Feed(FeedThread):
         """As a Recorder: for the log, and for the page."""
         if self._inner is not None:
             self._inner.record(stream, t_mono_ns, message)
-        self.note(stream, t_mono_ns, message)
+        if stream.topic in self._counts:
+            self._counts[stream.topic] += 1
+        else:
+            self.note(stream, t_mono_ns, message)
 
     def note(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
         """For the page alone."""

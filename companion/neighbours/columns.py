@@ -18,13 +18,13 @@ _WIDTH_BITS: Final = 5
 _MOST_BITS: Final = (1 << _WIDTH_BITS) - 1
 
 
-def pack(columns: Sequence[tuple[Values, int]]) -> bytes:
+def pack(columns: Sequence[tuple[Values | list[int], int]]) -> bytes:
     """(values (N,), bits of the largest there may be) of each column, none negative. Raises ValueError for a value that
     is not within its bits."""
     head = head_bits = rows = row_bits = 0
     for array, size in columns:
         # A column is a few numbers: whole numbers of any length take them in less time than arrays do.
-        values = array.tolist()
+        values = array if isinstance(array, list) else array.tolist()
         least, most = (min(values), max(values)) if values else (0, 0)
         if least < 0 or most >> min(size, _MOST_BITS):
             raise ValueError(f"a column of {size} bits holds {least}..{most}")

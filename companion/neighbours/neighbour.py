@@ -5,9 +5,12 @@ Takes datagrams that the receiver has authenticated; refuses those that cannot b
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import pairwise, starmap
+from operator import itemgetter
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -19,6 +22,7 @@ from companion.neighbours.clock_relation import ClockRelation, Offset
 from companion.neighbours.pairing import Pairing
 from companion.neighbours.session import SenderSession
 
+_Place = tuple[int, list[float]]
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 _KEPT_DATAGRAMS: Final = 400
@@ -78,7 +82,7 @@ class Neighbour:
     """Its driver gives frame counters."""
     received: deque[tuple[int, wire.Datagram]] = field(default_factory=lambda: deque(maxlen=_KEPT_DATAGRAMS))
     pairing: Pairing = field(init=False)
-    _place: tuple[int, npt.NDArray[np.float64]] | None = None
+    _place: _Place | None = None
     _jumps: int = 0
 
     def __post_init__(self) -> None:
@@ -197,22 +201,23 @@ class Neighbour:
     def _jumps_impossibly(self, poses: wire.PoseBatch) -> bool:
         """Faster than any of our vehicles. A tracker that found itself again elsewhere is believed after some
         datagrams that agree, and everything before is forgotten: no aperture may span the step."""
-        if not len(poses.t_ns):
+        places = list(zip(poses.t_ns.tolist(), poses.p_enu_m.tolist(), strict=True))
+        if not places:
             return False
-        t_ns, p_m = poses.t_ns, poses.p_enu_m
-        if self._place is not None:
-            t_ns, p_m = np.append(self._place[0], t_ns), np.vstack([self._place[1], p_m])
-        steps_m = np.linalg.norm(np.diff(p_m, axis=0), axis=1)
-        allowed_m = np.maximum(_JUMP_M, _MAX_SPEED_M_S * np.abs(np.diff(t_ns)) / NS_PER_S)
-        if np.any(steps_m > allowed_m):
+        jumps = list(starmap(_is_jump, pairwise(places if self._place is None else [self._place, *places])))
+        if any(jumps):
             self._jumps += 1
-            if self._jumps < _SETTLED or np.any(steps_m[1:] > allowed_m[1:]):
+            if self._jumps < _SETTLED or any(jumps[1:]):
                 return True
             self.received.clear()
         self._jumps = 0
-        newest = int(np.argmax(poses.t_ns))
-        self._place = int(poses.t_ns[newest]), poses.p_enu_m[newest]
+        self._place = max(places, key=itemgetter(0))
         return False
+
+
+def _is_jump(before: _Place, after: _Place) -> bool:
+    allowed_m = max(_JUMP_M, _MAX_SPEED_M_S * abs(after[0] - before[0]) / NS_PER_S)
+    return math.dist(before[1], after[1]) > allowed_m
 
 
 def _joined(parts: list[npt.NDArray[_Scalar]], dtype: type[_Scalar]) -> npt.NDArray[_Scalar]:

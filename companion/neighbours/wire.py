@@ -280,21 +280,21 @@ def _shape(n_poses: int, n_csi: int, band: int) -> list[tuple[int, int]]:
     return shape
 
 
-def _pose_columns(poses: PoseBatch, sent_ns: int) -> tuple[list[tuple[Values, int]], list[int]]:
+def _pose_columns(poses: PoseBatch, sent_ns: int) -> tuple[list[tuple[Values | list[int], int]], list[int]]:
     """The columns and the first position."""
     if not len(poses.t_ns):
         return [], [0, 0, 0]
-    age = np.rint((sent_ns - poses.t_ns) / _NS_PER_AGE).astype(np.int64)
-    far = np.abs(poses.p_enu_m).max()
-    if not far < _MAX_METRES:
+    age = [round((sent_ns - t_ns) / _NS_PER_AGE) for t_ns in poses.t_ns.tolist()]
+    places_m = poses.p_enu_m.T.tolist()
+    if not all(abs(value_m) < _MAX_METRES for values_m in places_m for value_m in values_m):
+        far = np.abs(poses.p_enu_m).max()
         raise ValueError(f"a position {far} m from the origin; expected less than {_MAX_METRES}")
-    units = np.rint(poses.p_enu_m / _METRES_PER_UNIT).astype(np.int64)
-    apart = units - units[0]
-    if age.min() < 0 or age.max() > _MAX_AGE or np.abs(apart).max() >= _HALF_POSITION:
+    units = [[round(value_m / _METRES_PER_UNIT) for value_m in values_m] for values_m in places_m]
+    apart = [[value - values[0] + _HALF_POSITION for value in values] for values in units]
+    if min(age) < 0 or max(age) > _MAX_AGE or not all(min(v) > 0 and max(v) < 2 * _HALF_POSITION for v in apart):
         raise ValueError("poses must be at most 1.6 s old and within 3.2 m of the first")
-    confidence = np.minimum(poses.confidence, 3).astype(np.int64)
-    columns = (age, confidence, *(apart + _HALF_POSITION).T)
-    return list(zip(columns, _POSE_BITS, strict=True)), units[0].tolist()
+    confidence = [min(value, 3) for value in poses.confidence.tolist()]
+    return list(zip((age, confidence, *apart), _POSE_BITS, strict=True)), [values[0] for values in units]
 
 
 def _poses(columns: list[Values], base: npt.NDArray[np.int64], sent_ns: int) -> PoseBatch:

@@ -163,11 +163,15 @@ class Node:
             return self.radio.drain()
 
     def take_pose(self, pose: Pose) -> None:
-        """The source gives a pose."""
-        with self.clock.event():
+        """The source gives a pose, 200 times a second."""
+        begun = self.clock.begin()
+        try:
             resets = self._pose_source.resets.to_bytes(4, "little")
             self.recorder.record(POSE_IN, pose.t_mono_ns, pose_bytes(pose) + resets)
             self.intake.take(pose)
+        finally:
+            if begun:
+                self.clock.end()
 
     def take_datagram(self, data: bytes, arrived_ns: int | None = None) -> None:
         """A datagram of some robot, which arrived then, or now. What carries a good signature is recorded, taken or
