@@ -36,6 +36,9 @@ _PARTICLES: Final = 1500
 _RESAMPLE_BELOW: Final = 0.8
 _BORN: Final = 0.015
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
+_MOVED, _MOVED_BY = 0.03, 0.5
+"""And so many of them at the places of likely ones, but nearer or farther by such a ratio: ranges that were off in the
+same way for a while, as those of echoes are, leave none at the right one."""
 _NEWBORN: Final = 0.3
 """How likely they are, of the average particle."""
 _ANYWHERE: Final = 0.2
@@ -321,16 +324,31 @@ class TargetTracker:
     def _bear(self, bearing: Bearing, ground_m: float) -> None:
         """The lightest particles die for new ones."""
         count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
-        lightest = np.argpartition(self._log_weight, count)[:count]
-        self._draw(bearing, ground_m, lightest, 0.0)
+        moved = round(_MOVED * _PARTICLES * bearing.fresh)
+        lightest = np.argpartition(self._log_weight, count + moved)[: count + moved]
+        self._draw(bearing, ground_m, lightest[:count], 0.0)
+        self._move(bearing, ground_m, lightest[count:])
         stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
         self._stood[lightest] = stood
         drawn = 0.0 if self._heights.is_expected else stood
         self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(_NEWBORN) + drawn
-        self._share[:, lightest] = self.rooms()[:, None]
+        self._share[:, lightest[:count]] = self.rooms()[:, None]
         # As good as the others are on the average, until the next power is heard.
         self._told[lightest] = np.exp(self._log_weight) @ self._told
         self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
+
+    def _move(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp]) -> None:
+        """Makes the particles `which` (M,) others of the belief, nearer or farther on the same line of sight."""
+        weight = np.exp(self._log_weight)
+        like = self._rng.choice(_PARTICLES, len(which), p=weight / weight.sum())
+        offsets_m = self._origins_m[like] - _place(bearing)
+        offsets_m *= np.exp(self._rng.normal(0.0, _MOVED_BY, len(which)))[:, None]
+        self._origins_m[which] = _place(bearing) + offsets_m
+        flat = self._heights.expected_m(self._rng, len(which)) if math.isfinite(ground_m) else None
+        if flat is not None:
+            self._origins_m[which, 2] = ground_m + flat - bearing.target_p_enu_m[2]
+        self._heading_rad[which], self._elevation_rad[which] = self._heading_rad[like], self._elevation_rad[like]
+        self._share[:, which] = self._share[:, like]
 
     def _resample(self) -> None:
         weight = np.exp(self._log_weight)

@@ -169,3 +169,16 @@ def test_a_frame_that_was_set_anew_takes_the_target_along() -> None:
     before = _from_the_side(tracker, target)
     tracker.shift((1.0, -2.0, 0.5))
     assert np.subtract(tracker.target().origin_local_enu_m, before.origin_local_enu_m) == pytest.approx((1, -2, 0.5))
+
+
+def test_a_belief_that_ranges_have_misled_finds_back() -> None:
+    """Echoes bend waves alike over metres of path: afterwards no particle is left at the right range but new ones."""
+    tracker, feigned, target = TargetTracker(), np.array([3.0, 0.0, 0.8]), np.array([6.0, 0.0, 0.1])
+    farthest_m = []
+    for step in range(33):
+        place, seen = np.array([0.0, 0.3 * (step % 9 - 4), 1.5]), feigned if step < 9 else target
+        range_m = math.dist(place, seen)
+        bearing = replace(bearing_to(seen, place, 0.6 * step), fresh=0.5)
+        found = tracker.add(replace(bearing, range_m=range_m, range_std_m=0.04 * range_m**2), 0.0)
+        farthest_m.append(found.whole.range_90_m[1])
+    assert farthest_m[8] < 4.5 and max(farthest_m[-6:]) > 5.7, farthest_m
