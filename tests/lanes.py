@@ -37,6 +37,11 @@ _END_S: Final = 20.0
 _BYTECODE: Final = {"PYTHONDONTWRITEBYTECODE": ""}
 """Some machines have it set, and then every process compiles all modules and every worker rewrites all tests anew."""
 
+_KEPT: Final = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
+"""The C library gives an array above 128 kB back to the kernel as soon as it is free, and the next one is then new
+memory that faults page by page: in a virtual machine more than half the time of an operation on arrays of half a
+megabyte. Not for flights: they are flown as a robot runs."""
+
 
 @dataclass(frozen=True, slots=True)
 class Lane:
@@ -90,7 +95,7 @@ def lanes() -> list[Lane]:
         _real_time("edges", *sorted(every - named)),
         # A thread for each worker: where there are more of BLAS than cores, they spin for each other. One worker more
         # than cores, since some tests wait.
-        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", "--dist", "worksteal", *computing), ONE_THREAD),
+        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", "--dist", "worksteal", *computing), ONE_THREAD | _KEPT),
     ]
 
 

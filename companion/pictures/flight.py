@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 _BEARING_M = 1.6
@@ -42,7 +39,9 @@ def draw_flight(
     title: str,
 ) -> None:
     """Writes a PNG. `uav_m` and `target_m` (N, 3) ENU."""
-    figure, axes = plt.subplots(layout="constrained")
+    figure = Figure(layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
     axes.plot(target_m[:, 0], target_m[:, 1], color="tab:red", linewidth=2.5, label="ground robot")
     axes.plot(uav_m[:, 0], uav_m[:, 1], color="tab:blue", linewidth=1.8, label="drone")
     axes.plot(*target_m[0, :2], "s", color="tab:red", markersize=8, label="ground robot at the start")
@@ -59,7 +58,6 @@ def draw_flight(
     figure.set_size_inches(_WIDTH_IN, _height_in(axes))
     figure.legend(loc="outside lower center", ncols=3, fontsize=10)
     figure.savefig(path, dpi=130, bbox_inches="tight")
-    plt.close(figure)
 
 
 def _bearing(axes: Axes, bearing: Arrow) -> None:

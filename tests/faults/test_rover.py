@@ -31,7 +31,7 @@ async def flight(
     flown = VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps=False)
     try:
         async with flown.flight._commands:
-            await flown.run(6.0)
+            await flown.run(2.0)
             yield flown
             flown.flight._commands.cancel()  # after a failure nobody moves its clock on
     finally:

@@ -116,7 +116,7 @@ async def flight(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monke
     flown = _TwoRobots(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch)
     try:
         async with flown.flight._commands:
-            await flown.run(6.0)
+            await flown.run(2.0)
             yield flown
             flown.flight._commands.cancel()  # after a failure nobody moves its clock on
     finally:

@@ -105,7 +105,7 @@ async def flight(
     flown = _WithCamera(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch)
     try:
         async with flown.flight._commands:
-            await flown.run(6.0)
+            await flown.run(2.0)
             yield flown
             flown.flight._commands.cancel()
     finally:
