@@ -18,5 +18,5 @@ def test_an_idle_service_is_small_soon_ready_and_soon_gone() -> None:
     assert cost.start_processor_s < 2.5 and cost.stop_s < 2.0
     assert cost.log_is_whole
     service = next(one for one in cost.processes if one.name == "service")
-    # 50 turns of the sockets, 20 ticks and little else; more where a busy machine holds up who sends.
-    assert service.loop_wakes_per_s < 250.0
+    # 40 turns of the sockets, half of them with the tick, and little else; more where senders are held up.
+    assert service.loop_wakes_per_s < 150.0
