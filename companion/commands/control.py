@@ -5,12 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from companion.errors import CompanionError
 from companion.host.control_socket import ask, ask_status
+
+_ANSWER_S: Final = 5.0
+_ENGAGE_S: Final = 10.0
+"""The autopilot's parameters are read before it is answered, which takes up to 3 s; who has gone by then engages not."""
 
 socket_option = click.option(
     "--socket",
@@ -24,7 +28,8 @@ socket_option = click.option(
 
 def asked(path: Path, command: str, target: str | None = None) -> dict[str, Any]:
     """The answer of the service at `path`. Raises CompanionError when it refuses, or none is there."""
-    answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command, target=target))
+    wait_s = _ENGAGE_S if command == "engage" else _ANSWER_S
+    answer = asyncio.run(ask_status(path) if command == "status" else ask(path, command, wait_s, target))
     if not answer.get("ok"):
         raise CompanionError(f"{command} refused: {answer.get('error', 'no reason given')}")
     return answer
