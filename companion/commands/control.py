@@ -14,7 +14,7 @@ from companion.host.control_socket import ask, ask_status
 
 _ANSWER_S: Final = 5.0
 _ENGAGE_S: Final = 10.0
-"""The autopilot's parameters are read before it is answered, which takes up to 3 s; who has gone by then engages not."""
+"""The autopilot's parameters are read before it is answered, which takes up to 3 s."""
 
 socket_option = click.option(
     "--socket",
