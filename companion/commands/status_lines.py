@@ -114,6 +114,7 @@ def _vehicle(vehicle: Values) -> Iterator[tuple[str, str]]:
         yield "vehicle", "none heard"
         return
     where = "in the air" if vehicle["in_air"] else "on the ground"
+    where = "not known whether in the air" if vehicle.get("landed_unknown") else where
     armed = "armed" if vehicle["armed"] else "disarmed"
     yield "vehicle", f"{vehicle_name(vehicle)}: {vehicle['mode'] or 'mode unknown'}, {armed}, {where}"
     battery = vehicle["battery"]

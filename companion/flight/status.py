@@ -105,6 +105,7 @@ def _vehicle(state: VehicleState) -> dict[str, Any]:
         "armed": state.armed,
         "can_arm": state.can_arm,
         "in_air": state.in_air,
+        "landed_unknown": state.landed_unknown,
         "p_local_enu_m": state.p_local_enu_m,
         "v_local_enu_m_s": state.v_local_enu_m_s,
         "yaw_enu_rad": state.yaw_enu_rad,

@@ -73,7 +73,7 @@ def vehicle_part(state: Message, t_ns: int) -> Part:
         "name": vehicle_name(state),
         "mode": state.get("mode"),
         "armed": bool(state.get("armed")),
-        "in_air": bool(state.get("in_air")),
+        "in_air": None if state.get("landed_unknown") else bool(state.get("in_air")),
         "failsafe": bool(state.get("failsafe")),
         "p_m": _rounded(state.get("p_local_enu_m")),
         "v_m_s": _rounded(state.get("v_local_enu_m_s")),

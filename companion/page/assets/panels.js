@@ -92,7 +92,7 @@ const Panels = (root) => {
       ['newest datagram', number(r.datagram_age_s, 's ago', 1)], ['set points', number(r.setpoints_hz, '/s', 1)],
       ['battery', v && v.battery !== null ? `${Math.round(100 * v.battery)} %` : '–'],
       ['link', v && v.heartbeat_age_s !== null ? `heartbeat ${v.heartbeat_age_s.toFixed(1)} s ago` : '–'],
-      ['vehicle', v ? `${v.mode || 'mode unknown'}, ${v.armed ? 'armed' : 'disarmed'}, ${v.in_air ? 'in the air' : 'on the ground'}` : '–'],
+      ['vehicle', v ? `${v.mode || 'mode unknown'}, ${v.armed ? 'armed' : 'disarmed'}, ${v.in_air === null ? 'not known whether in the air' : v.in_air ? 'in the air' : 'on the ground'}` : '–'],
       ['position E, N, up', v && v.p_m ? `${v.p_m.map(one => (Math.round(10 * one) / 10 + 0).toFixed(1)).join(', ')} m` : '–'],
       ['log', r.log_written === null || r.log_written === undefined ? '–' : `${r.log_written} written, ${r.log_dropped} dropped`],
       ['disk free', number(r.disk_free_gib, 'GiB', 1)]];

@@ -49,6 +49,11 @@ def test_a_flight_in_a_persons_words() -> None:
     assert {item.level for item in health_items(status(), 5000.0)} == {"ok"}
 
 
+def test_a_vehicle_that_does_not_tell_where_it_is_stands_nowhere() -> None:
+    lines = dict(person_lines(status(vehicle=VEHICLE | {"in_air": False, "landed_unknown": True})))
+    assert lines["vehicle"] == "system 1, px4 1.16.1: offboard, armed, not known whether in the air"
+
+
 TEAM: dict[str, Any] = {
     "age_s": 0.4, "own_axes_deg": 1.5, "own_axes_std_deg": 2.1, "dropped": 0, "restarts": 0,
     "robots": {

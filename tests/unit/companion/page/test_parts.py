@@ -50,6 +50,11 @@ def test_a_vehicle_is_named_and_its_link_aged() -> None:
     assert part["name"] == "system 1, px4 1.16.1" and part["heartbeat_age_s"] == 2.0
 
 
+def test_a_vehicle_that_does_not_tell_whether_it_flies_is_not_said_to_stand() -> None:
+    assert vehicle_part(vehicle() | {"in_air": False}, S)["in_air"] is False
+    assert vehicle_part(vehicle() | {"in_air": False, "landed_unknown": True}, S)["in_air"] is None
+
+
 @pytest.mark.parametrize(("azimuth", "compass"), [(0.0, 90.0), (90.0, 0.0), (180.0, 270.0), (-90.0, 180.0)])
 def test_compass_bearings_count_from_north_clockwise(azimuth: float, compass: float) -> None:
     assert compass_deg(azimuth) == compass
