@@ -82,12 +82,10 @@ class PoseConfig:
     """Where poses come from."""
 
     source: Literal["socket", "px4", "natnet", "recording"] = "socket"
-    """`socket`: a camera's reader process sends datagrams; `px4`: the autopilot's own odometry; `natnet`: OptiTrack;
-    `recording`: a file."""
+    """`socket`: datagrams of a camera's reader; `px4`: the autopilot's odometry; `natnet`: OptiTrack; `recording`."""
     socket: str = "pose.sock"
     reader_command: list[str] = field(default_factory=list)
-    """Program and arguments of the camera's reader, which the service then starts and restarts. Empty when systemd
-    does."""
+    """Program and arguments of the camera's reader, which the service starts and restarts; empty where systemd does."""
     recording: str = ""
     """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z and, where known, qx, qy, qz, qw."""
     natnet: NatNetConfig = field(default_factory=NatNetConfig)
@@ -122,8 +120,7 @@ class Peer:
     ack_length: Annotated[int, Meta(ge=40, le=1500)] = 57
     """Bytes on the air, with check sum, of the frames that this robot's driver answers; each beacon has its own."""
     antenna_height_m: Annotated[float, Meta(ge=0, le=5)] | None = None
-    """Of its antenna above the ground, for a robot that stands on the floor that the vehicle takes off from: its range
-    then shows in how far below the vehicle it is heard. Leave it out where floors differ by more than 0.2 m."""
+    """Of its antenna above the floor that the vehicle takes off from: see docs/guidance.md. Not where floors differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
