@@ -19,6 +19,7 @@ import msgspec
 
 from companion.autopilot.arming_checks import ArmingChecks
 from companion.autopilot.batteries import Batteries
+from companion.autopilot.kind import drives, kind_of
 from companion.autopilot.odometry import pose_from_odometry
 from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.resets import PositionResets
@@ -40,14 +41,6 @@ _FIX_3D = 3
 """GPS_FIX_TYPE."""
 _EVENTS_KEPT = 100
 _WARNING = 4
-_KINDS: Final = {3: "ardupilot", 12: "px4"}
-"""MAV_AUTOPILOT."""
-_MULTICOPTERS: Final = frozenset({2, 3, 4, 13, 14, 15, 29, 35, 43})
-_OTHERS: Final = {
-    1: "a fixed wing", 7: "an airship", 8: "a balloon", 9: "a rocket", 10: "a ground rover", 11: "a boat",
-    12: "a submarine", 28: "a parafoil", **dict.fromkeys(range(19, 26), "a VTOL"),
-}  # fmt: skip
-"""MAV_TYPE. PX4 flies them all, and only the first kind understands our set points."""
 _ESTIMATED = 1 | 2 | 4
 """ESTIMATOR_STATUS_FLAGS: attitude, horizontal and vertical velocity; all of them are needed,"""
 _POSITION_ESTIMATED = 8 | 16
@@ -298,7 +291,7 @@ class Telemetry:
     @property
     def _drives(self) -> bool:
         """A rover that is armed and stands is in the air by PX4's word, and at rest by its estimator's."""
-        return str(self._known.get("autopilot", "")).endswith(_OTHERS[10])
+        return drives(str(self._known.get("autopilot", "")))
 
     def _estimator(self, fields: Fields, now_ns: int) -> Fields:
         flags = int(fields["flags"])
@@ -338,13 +331,8 @@ def _heartbeat(fields: Fields, now_ns: int) -> Fields:
         "mode_mono_ns": now_ns,
         "armed": bool(fields["base_mode"] & _MODE_FLAG_SAFETY_ARMED),
         "failsafe": int(fields["system_status"]) >= _STATE_CRITICAL,
-        "autopilot": _autopilot(int(fields["autopilot"]), int(fields["type"])),
+        "autopilot": kind_of(int(fields["autopilot"]), int(fields["type"])),
     }
-
-
-def _autopilot(kind: int, vehicle: int) -> str:
-    name = _KINDS.get(kind, f"autopilot {kind}")
-    return name if vehicle in _MULTICOPTERS else f"{name} on {_OTHERS.get(vehicle, f'a vehicle of MAV_TYPE {vehicle}')}"
 
 
 def _current_mode(fields: Fields, now_ns: int) -> Fields:
