@@ -13,6 +13,7 @@ import msgspec
 from companion.analysis.runs import TRUTH_NAME, printable
 from companion.errors import CompanionError
 from companion.host.whole_file import try_to_write, write_whole
+from csi_bridge.regular_file import open_regular
 
 JSON: Final = "JSON"
 PAGE: Final = "page"
@@ -44,7 +45,7 @@ def _refuse_another_kind(file: Path, kind: str) -> None:
     OSError and CompanionError."""
     if not file.is_file():
         return
-    with file.open("rb") as there:
+    with open_regular(file) as there:
         begun = there.read(_LOOK_BYTES)
     first = begun.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     is_like = b"\0" not in begun if kind == TEXT else first in _BEGINS[kind]

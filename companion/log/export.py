@@ -23,6 +23,7 @@ from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.ros2 import FOLDER, Ros2Exporter
 from companion.sensing.records import ApertureRecord
 from csi_bridge.encoder import encode_file_record
+from csi_bridge.regular_file import read_regular
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
 """Those that need no extra."""
@@ -64,7 +65,7 @@ def refuse_other_content(new: Mapping[Path, Path | bytes]) -> None:
     """Raises CompanionError for a file that is there and would become another one."""
     for path, content in new.items():
         is_there = path.is_file()
-        if is_there and path.read_bytes() != (content.read_bytes() if isinstance(content, Path) else content):
+        if is_there and read_regular(path) != (read_regular(content) if isinstance(content, Path) else content):
             raise CompanionError(f"{path}: is there already, with other content; choose another folder with --out")
 
 
