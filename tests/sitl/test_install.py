@@ -161,7 +161,9 @@ def test_the_package_is_installed_upgraded_rolled_back_and_removed(root: CleanRo
     root.run("companion-setup rollback")
     assert root.run("companion-setup versions") == "* 1.0\n- 1.1\n"
     assert root.run(_CONFIGURATION) == kept
-    root.run("/opt/companion/current/bin/companion config check /etc/companion/companion.yaml")
+    check = "/opt/companion/current/bin/companion config check /etc/companion/companion.yaml"
+    assert "peers[0].key_file" in root.run(check, code=2), "the other robot's key is brought by a person"
+    root.run(f"companion keygen --owner companion /etc/companion/beacon.key && {check}")
     root.run("companion-setup rollback && dpkg --remove companion")
     root.run("ls /opt/companion || ls /usr/bin/companion || ls /etc/systemd/system/companion.service", code=2)
     root.run("ls /etc/companion/uav.key && dpkg --purge companion")
