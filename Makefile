@@ -52,8 +52,9 @@ pictures: .venv
 test: $(VENV)/dev.stamp t265
 	$(BIN)/python -m tests.lanes
 
+# By file: what a document prints is run in the order in which a reader would.
 test-long: $(VENV)/dev.stamp t265
-	$(BIN)/python -m pytest -n 2 -m long tests $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m long tests $(ARGS)
 
 faults: $(VENV)/dev.stamp t265
 	COMPANION_FAULTS=full $(BIN)/python -m pytest tests/faults tests/sitl tests/unit -k fault_ -m 'long or not long' -s $(ARGS)
