@@ -8,6 +8,7 @@ frame_count u32 @34; then the payload.
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from collections.abc import Sequence
 from typing import Final
@@ -41,7 +42,7 @@ def parse_body(code: int, body: bytes) -> CsiRecord | MpduRecord | None:
     if code != CSI_CODE:
         return None
     head = parse_head(body)
-    return CsiRecord(csi=channels([body])[0], **head._asdict())
+    return CsiRecord(csi=channels([body])[0], **dataclasses.asdict(head))
 
 
 def parse_head(body: bytes) -> CsiHead:
@@ -50,9 +51,20 @@ def parse_head(body: bytes) -> CsiHead:
     stamp_us, count, _, _, _, rssi_a, rssi_b, rssi_c, noise, agc, antenna_sel, _, rate = HEADER.unpack_from(body)
     host_time_ns, mac, frame_count = _stamp(body, layout)
     return CsiHead(
-        stamp_us, count, n_rx, n_tx, (rssi_a, rssi_b, rssi_c), noise, agc, antenna_sel, rate, layout,
-        host_time_ns, mac, frame_count,
-    )  # fmt: skip
+        timestamp_low_us=stamp_us,
+        bfee_count=count,
+        n_rx=n_rx,
+        n_tx=n_tx,
+        rssi=(rssi_a, rssi_b, rssi_c),
+        noise_dbm=noise,
+        agc=agc,
+        antenna_sel=antenna_sel,
+        rate=rate,
+        layout=layout,
+        host_time_ns=host_time_ns,
+        mac=mac,
+        frame_count=frame_count,
+    )
 
 
 def channels(bodies: Sequence[bytes]) -> npt.NDArray[np.complex64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -24,27 +24,9 @@ class CsiError(ValueError):
         self.offset = offset
 
 
-class CsiHead(NamedTuple):
-    """What a report says beside the channel; fields as of `CsiRecord`."""
-
-    timestamp_low_us: int
-    bfee_count: int
-    n_rx: int
-    n_tx: int
-    rssi: tuple[int, int, int]
-    noise_dbm: int
-    agc: int
-    antenna_sel: int
-    rate: int
-    layout: int
-    host_time_ns: int | None
-    mac: bytes | None
-    frame_count: int | None
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class CsiRecord:
-    """One beamforming report: the channel of one received packet."""
+class CsiHead:
+    """What a beamforming report says beside the channel of the received packet."""
 
     timestamp_low_us: int
     """Lower 32 bits of the NIC's microsecond clock at reception."""
@@ -58,8 +40,6 @@ class CsiRecord:
     agc: int
     antenna_sel: int
     rate: int
-    csi: npt.NDArray[np.complex64]
-    """Shape (30, n_rx, n_tx), parts int8-valued; row r is antenna `antennas[r]`, in the order A, B, C."""
     layout: int
     """Bytes of header before the payload: 20 stock driver, 34 with host time and MAC, 38 with a frame counter too."""
     host_time_ns: int | None = None
@@ -68,6 +48,14 @@ class CsiRecord:
     """Six bytes of the sender's address; all zero when the driver did not know it."""
     frame_count: int | None = None
     """32 bits: the sender's ping number, echoed by the answering side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CsiRecord(CsiHead):
+    """One beamforming report: the channel of one received packet."""
+
+    csi: npt.NDArray[np.complex64]
+    """Shape (30, n_rx, n_tx), parts int8-valued; row r is antenna `antennas[r]`, in the order A, B, C."""
 
     @property
     def antennas(self) -> tuple[int, ...]:

@@ -11,13 +11,11 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numba.np
 import numpy as np
 from numba import config, njit
 from numba.core import caching
 from numba.core.codegen import get_host_cpu_features
 from numba.core.dispatcher import Dispatcher
-from numba.np import linalg
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _CONSTANTS = bool, int, float, complex, str, np.generic
@@ -108,21 +106,5 @@ def _use_whole_registers() -> None:
         settings["CPU_FEATURES"] = features + ",-prefer-256-bit"
 
 
-def _look_for_no_blas() -> None:
-    """The first machine code of a process makes Numba import its mathematics of arrays, and that the whole of
-    `scipy.linalg`, only to know whether there is a BLAS: a fifth of the time in which a worker becomes ready. None of
-    our functions asks for one. Who compiles a product of matrices asks again, and is answered."""
-    if hasattr(numba.np, "arraymath"):
-        return
-    whole = linalg.ensure_blas
-
-    def not_now() -> None:
-        linalg.ensure_blas = whole
-        raise ImportError
-
-    linalg.ensure_blas = not_now
-
-
 _cache_by_what_is_called()
 _use_whole_registers()
-_look_for_no_blas()

@@ -27,11 +27,12 @@ _SURE: Final = 0.75
 """A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = (0.4, 0.8)
-"""Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time: in a
-kind room, and where echoes turn bearings slowly, which looks like a source that is near."""
+_CONFIRMED: Final = 0.4
+"""Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time,"""
+_CONFIRMED_AMONG_ECHOES: Final = 0.8
+"""and where echoes may turn bearings slowly, which looks like a source that is near."""
 _KIND: Final = 0.8
-"""A room is one whose probability to be has been so high"""
+"""There are none where a kind room has been so probable"""
 _LATELY: Final = 2.0
 """on the average over so many apertures or so."""
 
@@ -157,7 +158,7 @@ class Targets:
         if self._near + new <= 0.0:  # nothing to look at since it last seemed far
             return False
         self._near = self._near + new if self._seems_near(p_local_enu_m) else 0.0
-        return self._near >= _CONFIRMED[self._kind < _KIND]
+        return self._near >= (_CONFIRMED if self._kind >= _KIND else _CONFIRMED_AMONG_ECHOES)
 
     def _seems_near(self, p_local_enu_m: Vector3) -> bool:
         newest = self._neighbours[self._target].newest_pose() if self._target in self._found else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def test_the_head_alone_says_all_but_the_channel(layout: int) -> None:
     bodies = [encode_body(record) for record in records]
     for record, body, csi in zip(records, bodies, channels(bodies), strict=True):
         head = parse_head(body)
-        assert {name: getattr(record, name) for name in head._fields} == head._asdict()
+        assert {one.name: getattr(record, one.name) for one in fields(head)} == asdict(head)
         assert np.array_equal(csi, record.csi)
 
 
