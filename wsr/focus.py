@@ -101,9 +101,21 @@ def circle_grid(azimuth_step_rad: float, polars_rad: Sequence[float]) -> tuple[A
 def look(
     parts: SubApertures, azimuth_step_rad: float, ranges_m: Sequence[float | None], delay_ns: float | None
 ) -> Look:
-    """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others."""
-    u = sphere_directions(azimuth_step_rad)
-    return _fused(sphere_grid(azimuth_step_rad), u, score(parts, u, ranges_m, delay_ns).score, ranges_m)
+    """Scores of a `sphere_grid`, fused over scales: each scale counts as much as the others. At a middle range all
+    directions; at the others those that have hope by that, and 0 elsewhere.
+
+    Hope is by the shortest sub-apertures alone, which see a source's direction whatever its range; of a near one long
+    ones may see nothing there, and a side lobe elsewhere.
+    """
+    grid, u, middle = sphere_grid(azimuth_step_rad), sphere_directions(azimuth_step_rad), len(ranges_m) // 2
+    first = score(parts, u, ranges_m[middle : middle + 1], delay_ns).score
+    scores = np.zeros((*first.shape[:2], len(ranges_m)), np.float32)
+    scores[:, :, middle] = first[:, :, 0]
+    others = [r for r in range(len(ranges_m)) if r != middle]
+    if others:
+        hopeful = _hopeful(first)
+        scores[:, hopeful[:, None], others] = score(parts, u[hopeful], [ranges_m[r] for r in others], delay_ns).score
+    return _fused(grid, u, scores, ranges_m)
 
 
 def look_around(
@@ -113,19 +125,20 @@ def look_around(
     delay_ns: float | None,
 ) -> Look:
     """The same over circles: of the first one all azimuths, at a middle range; of all circles, and at every range, the
-    azimuths that have hope by that; 0 elsewhere.
-
-    Hope is by the shortest sub-apertures alone, which see the azimuth of a source whatever its range and polar angle;
-    of a near one long ones may see nothing there, and a side lobe elsewhere.
-    """
+    azimuths that have hope by that, whatever their polar angle; 0 elsewhere."""
     u, rows, middle = direction(*circles[:2]), circles[2], len(ranges_m) // 2
     first = score(parts, u[: rows[1]], ranges_m[middle : middle + 1], delay_ns).score
-    hope = first[-1, :, 0]
-    hopeful = (rows[:-1, None] + np.flatnonzero(hope > _HOPEFUL * hope.max())).ravel()
+    hopeful = (rows[:-1, None] + _hopeful(first)).ravel()
     scores = np.zeros((len(first), len(u), len(ranges_m)), np.float32)
     scores[:, : rows[1], middle] = first[:, :, 0]
     scores[:, hopeful] = score(parts, u[hopeful], ranges_m, delay_ns).score
     return _fused(circles, u, scores, ranges_m)
+
+
+def _hopeful(first: Array32) -> Indices:
+    """Directions whose shortest sub-apertures have hope, of scores (K, N, 1)."""
+    hope = first[-1, :, 0]
+    return np.flatnonzero(hope > _HOPEFUL * hope.max())
 
 
 def _fused(

@@ -148,8 +148,8 @@ def score_together(
     if len(links) > 1:
         h = np.stack([link.h for link in links])
     directions = np.ascontiguousarray(u, np.float32)
-    if len(ranges_m) > 1:
-        directions = np.concatenate([directions] * len(ranges_m))
+    if len(ranges_m) != 1:
+        directions = np.tile(directions, (len(ranges_m), 1))
     score_grid(x, x2, h, cuts, pieces, lag, power, directions, inverse.repeat(len(u)), coherence, phase)
     apart = (len(links), scales, len(ranges_m), len(u))
     f, late = (each.reshape(apart).swapaxes(2, 3) for each in (coherence, phase))
