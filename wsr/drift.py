@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.focus import Bounds, Focus, refine
-from wsr.geometry import direction
+from wsr.geometry import direction, perpendicular
 from wsr.subapertures import SubApertures, score_together
 from wsr.uncertainty import bound
 
@@ -109,7 +109,7 @@ def _turned_all(parts: SubApertures, tau: Array, steps: list[float]) -> list[Sub
 def _cap(azimuth: float, polar: float) -> Array:
     """Directions (N, 3) within _REACH_RAD."""
     u = direction(azimuth, polar)
-    east, north = np.linalg.svd(u[None, :])[2][1:]
+    east, north = perpendicular(u)
     steps = np.arange(-_REACH_RAD, _REACH_RAD + 1e-9, _STEP_RAD)
     a, b = (axis.ravel()[:, None] for axis in np.meshgrid(steps, steps))
     around = u + np.tan(a) * east + np.tan(b) * north

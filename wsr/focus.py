@@ -31,22 +31,17 @@ Indices = NDArray[np.int64]
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Look:
     """A coarse look: azimuth_rad (N,), polar_rad (N,) and units (N, 3), the directions; combined (N, R) the mean over
-    scales of the scores divided by their maxima `peak` (K,), ranges_m (R,), and where each row of constant polar angle
-    starts, rows (T + 1,)."""
+    scales of the scores divided by their maxima `peak` (K,), of it power (N,) the best over the ranges, 1 at the
+    maximum of all; ranges_m (R,), and where each row of constant polar angle starts, rows (T + 1,)."""
 
     azimuth_rad: Array
     polar_rad: Array
     units: Array
     combined: Array
+    power: Array
     peak: Array
     ranges_m: tuple[float | None, ...]
     rows: NDArray[np.int64]
-
-    @property
-    def power(self) -> Array:
-        """(N,) best over the ranges, 1 at the maximum of all."""
-        best: Array = self.combined.max(axis=1)
-        return np.asarray(best / best.max())
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +141,16 @@ def _fused(
 ) -> Look:
     azimuth, polar, rows = grid
     peak = scores.max(axis=(1, 2)).astype(np.float64)
-    combined = (scores / peak.astype(np.float32)[:, None, None]).mean(axis=0)
+    combined = (scores / peak.astype(np.float32)[:, None, None]).mean(axis=0).astype(np.float64)
+    best = combined[:, 0]
+    for r in range(1, combined.shape[1]):
+        best = np.maximum(best, combined[:, r])
     return Look(
         azimuth_rad=azimuth,
         polar_rad=polar,
         units=units,
-        combined=np.asarray(combined, np.float64),
+        combined=combined,
+        power=best / best.max(),
         peak=peak,
         ranges_m=tuple(ranges_m),
         rows=rows,

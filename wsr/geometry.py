@@ -5,6 +5,8 @@ All functions broadcast over leading axes and work in float64.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -45,6 +47,17 @@ def cross(a: Array, b: Array) -> Array:
     result[..., 1] = az * bx - ax * bz
     result[..., 2] = ax * by - ay * bx
     return result
+
+
+def perpendicular(u: Array) -> tuple[Array, Array]:
+    """Two unit vectors (3,) across a unit vector (3,) and each other: the rows of Householder's reflection of u onto
+    the first axis."""
+    x, y, z = (float(value) for value in u)
+    scale, sign = 1.0 / (1.0 + abs(x)), math.copysign(1.0, x)
+    return (
+        np.array([-sign * y, 1.0 - y * y * scale, -y * z * scale]),
+        np.array([-sign * z, -y * z * scale, 1.0 - z * z * scale]),
+    )
 
 
 def great_circle(u: ArrayLike, v: ArrayLike) -> Array:

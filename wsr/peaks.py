@@ -72,9 +72,6 @@ def _local_maxima(power: NDArray[np.float32]) -> NDArray[np.bool_]:
     half = power.shape[1] // 2
     padded = np.vstack([np.roll(power[:1], half, axis=1), power, np.roll(power[-1:], half, axis=1)])
     padded = np.hstack([padded[:, -1:], padded, padded[:, :1]])
-    result = np.ones(power.shape, np.bool_)
-    for row in range(3):
-        for column in range(3):
-            if (row, column) != (1, 1):
-                result &= power >= padded[row : row + power.shape[0], column : column + power.shape[1]]
-    return result
+    beside = np.maximum(np.maximum(padded[:, :-2], padded[:, 2:]), padded[:, 1:-1])
+    around = np.maximum(np.maximum(beside[:-2], beside[2:]), beside[1:-1])
+    return np.asarray(power >= around)

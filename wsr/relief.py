@@ -35,13 +35,12 @@ def width_rad(power: Array32, row: int, column: int) -> float:
     Rows are taken to be spread evenly between the poles, columns around the circle; with one row it is the arc.
     """
     rows, columns = power.shape
-    above = power >= 0.5 * power[row, column]
-    inside: NDArray[np.bool_] = _connected(above, row, column)
+    cells: Indices = _connected(power, np.float32(0.5) * power[row, column], row, column)
     step = 2 * math.pi / columns
     if rows == 1:
-        return float(step * int(inside.sum()))
+        return float(step * int(cells[0]))
     sines = np.sin(math.pi / rows * (np.arange(rows) + 0.5))
-    area = float(inside.sum(axis=1) @ sines) * step * math.pi / rows
+    area = float(cells @ sines) * step * math.pi / rows
     return 2.0 * math.acos(max(1.0 - area / (2 * math.pi), -1.0))
 
 
@@ -98,10 +97,12 @@ def _flood(power: Array32, order: Indices) -> Array32:
 
 
 @compiled
-def _connected(above: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
-    """The connected part of `above` around a cell, filled by runs of a row at a time."""
-    rows, columns = above.shape
+def _connected(power: Array32, least: np.float32, row: int, column: int) -> Indices:
+    """How many cells of each row (T,) belong to the connected part of `least` and more around a cell, filled by runs
+    of a row at a time."""
+    rows, columns = power.shape
     inside = np.zeros((rows, columns), np.bool_)
+    cells = np.zeros(rows, np.int64)
     stack = np.empty((3 * rows * columns + 8, 2), np.int64)
     stack[0, 0], stack[0, 1], size = row, column, 1
     while size > 0:
@@ -110,10 +111,11 @@ def _connected(above: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bo
         if inside[r, c]:
             continue
         left, length = c, 1
-        while length < columns and above[r, left - 1 if left > 0 else columns - 1]:
+        while length < columns and power[r, left - 1 if left > 0 else columns - 1] >= least:
             left, length = left - 1 if left > 0 else columns - 1, length + 1
-        while length < columns and above[r, (left + length) % columns]:
+        while length < columns and power[r, (left + length) % columns] >= least:
             length += 1
+        cells[r] += length
         for step in range(length):
             at = left + step
             inside[r, at if at < columns else at - columns] = True
@@ -126,9 +128,9 @@ def _connected(above: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bo
             was = False
             for step in range(-1, length + 1):
                 at = (left + step + shift + columns) % columns
-                now = above[beside, at] and not inside[beside, at]
+                now = power[beside, at] >= least and not inside[beside, at]
                 if now and not was:
                     stack[size, 0], stack[size, 1] = beside, at
                     size += 1
                 was = now
-    return inside
+    return cells

@@ -30,7 +30,7 @@ from wsr.directions import Peak
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.preparation import Prepared, counted_amplitude
 from wsr.focus import Focus, circle_grid, sphere_directions
-from wsr.geometry import angles, direction, great_circle, wrap_angle
+from wsr.geometry import angles, direction, great_circle, perpendicular, wrap_angle
 from wsr.peaks import MIN_SEPARATION_RAD
 from wsr.subapertures import SubApertures, cut_up, score, sub_apertures
 
@@ -192,5 +192,4 @@ def _axes(u: Array, level: bool) -> tuple[Array, Array]:
     if level:
         across = np.array([-u[1], u[0], 0.0])
         return across / max(float(np.linalg.norm(across)), 1e-12), np.array([0.0, 0.0, 1.0])
-    first, second = np.linalg.svd(u[None, :])[2][1:]
-    return first, second
+    return perpendicular(u)

@@ -61,7 +61,7 @@ from wsr.estimators.description import describe, is_horizontal
 from wsr.estimators.source_number import path_number, source_number
 from wsr.estimators.stretches import MIN_PLACES, Stretch, cut, likeness, path_powers, whole_coherence
 from wsr.estimators.trust import Evidence
-from wsr.geometry import angles, direction
+from wsr.geometry import angles, direction, perpendicular
 from wsr.half_turns import without_half_turns
 from wsr.kernel import bartlett_power
 from wsr.path_bins import Bins, path_bins
@@ -234,7 +234,7 @@ def mean_log_distance(stretches: list[Stretch], sources: int) -> Array:
 def refined(stretches: list[Stretch], sources: int, u: Array) -> Array:
     """Direction (3,) of the spectrum's maximum near u, by parabolas through 3 x 3 directions, closer each time."""
     for step in _REFINEMENT_RAD:
-        east, north = np.linalg.svd(u[None, :])[2][1:]
+        east, north = perpendicular(u)
         around = _around(u, step * east, step * north)
         values = -_distances(stretches, sources, around).mean(axis=0)
         _, bx, by, cxx, cxy, cyy = _PARABOLA @ values
