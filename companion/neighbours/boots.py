@@ -19,6 +19,7 @@ import msgspec
 
 from companion.core.inputs import Reached
 from companion.errors import ConfigError
+from companion.host.sole_user import SoleUser
 from csi_bridge.regular_file import read_regular
 
 _log = logging.getLogger(__name__)
@@ -48,21 +49,29 @@ class Book(Protocol):
 
 
 class BootBook:
-    """Raises ConfigError when `directory` cannot be written or the file in it is none of ours."""
+    """Raises ConfigError when `directory` cannot be written, another process has its book open, or the file in it is
+    none of ours."""
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / _FILE
-        self._state = self._read()
-        self._state.own += 1
-        self.own_boot_id = self._state.own << 32 | secrets.randbits(32)
-        """Boot number in the upper 32 bits, random in the lower: higher than that of every start before."""
         self.failed = False
         """The last write failed: replays after a restart would not be noticed."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            _write(self._path, self._encoded())
+            self._sole = SoleUser(self._path, "state_dir")
         except OSError as error:
-            raise ConfigError(f"state_dir: {self._path} cannot be written: {error.strerror}") from None
+            raise self._not_written(error) from None
+        try:
+            self._state = self._read()
+            self._state.own += 1
+            _write(self._path, self._encoded())
+        except BaseException as error:
+            self._sole.close()
+            if isinstance(error, OSError):
+                raise self._not_written(error) from None
+            raise
+        self.own_boot_id = self._state.own << 32 | secrets.randbits(32)
+        """Boot number in the upper 32 bits, random in the lower: higher than that of every start before."""
         self._writer = ThreadPoolExecutor(1, "boots")
         self._written: Future[None] | None = None
 
@@ -83,6 +92,7 @@ class BootBook:
     def close(self) -> None:
         """Waits until everything is on disk."""
         self._writer.shutdown(wait=True)
+        self._sole.close()
 
     def _save(self, data: bytes) -> None:
         try:
@@ -92,6 +102,9 @@ class BootBook:
             if not self.failed:
                 _log.error("%s: cannot be written: %s", self._path, error.strerror)
             self.failed = True
+
+    def _not_written(self, error: OSError) -> ConfigError:
+        return ConfigError(f"state_dir: {self._path} cannot be written: {error.strerror}")
 
     def _read(self) -> _State:
         try:

@@ -16,6 +16,7 @@ from typing import Final
 import msgspec
 
 from companion.errors import ConfigError
+from companion.host.sole_user import SoleUser
 from companion.signing.frames import UNITS_PER_S, Window
 from csi_bridge.regular_file import read_regular
 
@@ -34,10 +35,24 @@ class _Written:
 
 
 class SigningBook:
-    """Raises ConfigError where the file is none of ours or cannot be written."""
+    """Raises ConfigError where the file is none of ours, cannot be written or is another process's."""
 
     def __init__(self, directory: Path) -> None:
         self._path = directory / FILE
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._sole = SoleUser(self._path, "state_dir")
+        except OSError as error:
+            raise self._not_written(error) from None
+        try:
+            self._begin()
+        except BaseException as error:
+            self._sole.close()
+            if isinstance(error, OSError):
+                raise self._not_written(error) from None
+            raise
+
+    def _begin(self) -> None:
         was = self._read()
         guard = 0 if was.in_order else round(GUARD_S * UNITS_PER_S)
         self.sent = was.sent + guard if was.sent else 0
@@ -47,12 +62,11 @@ class SigningBook:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._look: Callable[[], tuple[int, Mapping[Window, int]]] = lambda: (self.sent, self.windows)
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            # At once not in order: a crash in the first second counts as one.
-            self._write(_Written(self.sent, _named(self.windows)))
-        except OSError as error:
-            raise ConfigError(f"state_dir: {self._path} cannot be written: {error.strerror}") from None
+        # At once not in order: a crash in the first second counts as one.
+        self._write(_Written(self.sent, _named(self.windows)))
+
+    def _not_written(self, error: OSError) -> ConfigError:
+        return ConfigError(f"state_dir: {self._path} cannot be written: {error.strerror}")
 
     def start(self, look: Callable[[], tuple[int, Mapping[Window, int]]]) -> None:
         """Writes each second what `look` says: our own time and the windows."""
@@ -66,6 +80,7 @@ class SigningBook:
         if self._thread is not None:
             self._thread.join()
         self._save(in_order=True)
+        self._sole.close()
 
     def _run(self) -> None:
         while not self._stop.wait(PERIOD_S):

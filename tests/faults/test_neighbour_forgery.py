@@ -125,7 +125,8 @@ def test_fault_21_a_replayed_capture_is_refused_though_both_ends_rebooted(tmp_pa
     assert sum(map(listening.take, first)) == 0
     book.close()
     # Both come back.
-    second = _captured(BootBook(tmp_path / "sender"), 40)
+    sender_book = BootBook(tmp_path / "sender")
+    second = _captured(sender_book, 40)
     book = BootBook(tmp_path / "receiver")
     listening = receiver(clock, book)
     accepted = sum(listening.take(data) for data in [*first, *second, *first, *second])
@@ -133,20 +134,25 @@ def test_fault_21_a_replayed_capture_is_refused_though_both_ends_rebooted(tmp_pa
     assert listening.neighbours[2].refused.replay == 200
     assert listening.neighbours[2].standing(clock.now_ns()) is not Standing.REFUSED
     book.close()
+    sender_book.close()
     note(21, "replayed capture", resent=320, accepted_twice=0)
 
 
 def test_fault_21_a_crash_costs_seconds_of_datagrams_never_a_replay(tmp_path: Path) -> None:
     """The receiver dies without closing anything: what is on disk is a ceiling."""
     clock = ManualClock(5)
-    data = _captured(BootBook(tmp_path / "sender"), 300)
+    sender_book = BootBook(tmp_path / "sender")
+    data = _captured(sender_book, 300)
+    sender_book.close()
     book = BootBook(tmp_path / "receiver")
     listening = receiver(clock, book)
     assert all(map(listening.take, data[:150]))
     book.close()
-    again = receiver(clock, BootBook(tmp_path / "receiver"))
+    book = BootBook(tmp_path / "receiver")
+    again = receiver(clock, book)
     assert sum(map(again.take, data[:150])) == 0
     missed = sum(not again.take(one) for one in data[150:])
+    book.close()
     assert 0 < missed <= 50
     note(21, "crash of the receiver", accepted_twice=0, datagrams_refused_after=missed)
 

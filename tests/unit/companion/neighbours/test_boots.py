@@ -20,7 +20,9 @@ def test_boot_numbers_rise_over_restarts_and_a_broken_book_is_fatal(tmp_path: Pa
         book.note(2, boot(4), 17)
         book.close()
     assert numbers == [1, 2, 3]
-    reached = BootBook(tmp_path).reached(2)
+    book = BootBook(tmp_path)
+    reached = book.reached(2)
+    book.close()
     assert reached is not None
     assert (reached.boot_id, reached.ceiling) == (boot(4), 67)
     content = msgspec.json.decode((tmp_path / "boots.json").read_bytes())
@@ -30,3 +32,18 @@ def test_boot_numbers_rise_over_restarts_and_a_broken_book_is_fatal(tmp_path: Pa
         BootBook(tmp_path)
     with pytest.raises(ConfigError, match="cannot be written"):
         BootBook(Path("/proc/nowhere"))
+
+
+def test_fault_64_a_second_service_with_one_state_folder_is_refused(
+    tmp_path: Path,
+) -> None:
+    first = BootBook(tmp_path)
+    first.note(2, boot(4), 17)
+    with pytest.raises(ConfigError, match=r"state_dir: .*boots\.json is in use by another companion service"):
+        BootBook(tmp_path)
+    first.close()
+    second = BootBook(tmp_path)
+    reached = second.reached(2)
+    second.close()
+    assert reached is not None
+    assert reached.ceiling == 67

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -23,6 +24,9 @@ def test_an_end_in_order_goes_on_where_it_was(tmp_path: Path) -> None:
     first.close()
     again = SigningBook(tmp_path / "state")
     assert (again.sent, again.windows) == (800_000, WINDOWS)
+    with pytest.raises(ConfigError, match="in use by another companion service"):
+        SigningBook(tmp_path / "state")
+    again.close()
 
 
 def test_after_a_crash_the_windows_begin_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,11 +35,13 @@ def test_after_a_crash_the_windows_begin_later(tmp_path: Path, monkeypatch: pyte
     first.start(lambda: (800_000, WINDOWS))
     while b"800000" not in (tmp_path / FILE).read_bytes():
         time.sleep(0.01)
-    again = SigningBook(tmp_path)  # nobody has closed the first
+    first._sole.close()  # as the kernel does with the process
+    again = SigningBook(tmp_path)
     guard = round(GUARD_S * UNITS_PER_S)
     assert again.sent == 800_000 + guard
     assert again.windows == {window: t + guard for window, t in WINDOWS.items()}
     first._stop.set()
+    again.close()
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"sent": "x"}', '{"windows": {"1/2": 3}}', '{"windows": {"a/b/c": 3}}'])
@@ -51,7 +57,6 @@ def test_a_place_that_cannot_be_written_is_named_and_a_disk_that_fails_later_is_
         SigningBook(tmp_path / "file" / "state")
     kept = SigningBook(tmp_path / "state")
     assert json.loads((tmp_path / "state" / FILE).read_bytes())["in_order"] is False
-    (tmp_path / "state" / FILE).unlink()
-    (tmp_path / "state").rmdir()
+    shutil.rmtree(tmp_path / "state")
     kept.close()
     assert kept.failed
