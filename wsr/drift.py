@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from wsr.focus import Bounds, Focus, refine
 from wsr.geometry import direction, perpendicular
 from wsr.subapertures import SubApertures, score_together
-from wsr.uncertainty import bound
+from wsr.uncertainty import is_determined, phase_slopes
 
 # Trackers that err by more than this share of the path have failed.
 _MAX_BIAS = 0.1
@@ -82,15 +82,17 @@ def find_drift(
 
 def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus, level: bool = False) -> bool:
     """Whether bins x (B, 3) tell a linear phase over tau (B,) from a direction; `level`: from an azimuth."""
-    free = slice(0, 1 if level else 2)
-    alone, both = (
-        bound(x_m, wavelength_m, focus.azimuth_rad, focus.polar_rad, None, level, nuisance)[free, free]
-        for nuisance in (None, tau)
-    )
-    if not (np.isfinite(np.diag(alone)).all() and np.isfinite(np.diag(both)).all()):
+    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, focus.azimuth_rad, focus.polar_rad, None)
+    rows = (slopes - slopes.mean(axis=0))[:, : 1 if level else 2]
+    ramp = tau - tau.mean()
+    lost = ramp @ rows
+    told = rows.T @ rows
+    left = told - np.outer(lost, lost) / max(float(ramp @ ramp), 1e-300)
+    scale = np.sqrt(np.diag(told))
+    if not (scale > 0.0).all() or not (is_determined(told, scale) and is_determined(left, scale)):
         return False
     # In the direction across which it costs most: neither angle need show it where both are hardly known.
-    return float(np.max(np.linalg.eigvals(np.linalg.solve(alone, both)).real)) <= _MAX_LOSS**2
+    return float(np.max(np.linalg.eigvals(np.linalg.solve(left, told)).real)) <= _MAX_LOSS**2
 
 
 def turned(parts: SubApertures, tau: Array, turns: float) -> SubApertures:

@@ -63,6 +63,12 @@ def phase_slopes(x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad:
     return np.asarray(2 * math.pi / wavelength_m * np.column_stack([range_m * (e @ du.T), e @ u - 1.0]))
 
 
+def is_determined(information: Array, scale: Array) -> bool:
+    """Whether an information matrix (n, n) determines all its parameters, taken in units of 1 / scale (n,)."""
+    squares = np.linalg.eigvalsh(information / np.outer(scale, scale))
+    return bool(squares[0] > _RANK_TOLERANCE**2 * max(float(squares[-1]), 1e-300))
+
+
 def phase_variance(residual_rad: Array) -> float:
     """Variance from the median of |phase| (1.4826 median for a normal law), so that a burst of wild packets, which
     the sum averages out, does not set it. Not below 1e-6 rad^2, less than any receiver has."""
