@@ -13,7 +13,7 @@ _Floats = npt.NDArray[np.float64]
 _MODE_RAD: Final = math.radians(20.0)
 _MODE_RATIO: Final = 2.0
 """Particles within this angle and this ratio of ranges from the densest one are one source."""
-_SAMPLED, _ROWS = 250, 50
+_SAMPLED: Final = 250
 
 
 def densest(offsets_m: _Floats, weight: _Floats) -> npt.NDArray[np.intp]:
@@ -38,17 +38,14 @@ def systematic(probability: _Floats, count: int) -> npt.NDArray[np.intp]:
 
 def _neighbours(units: _Floats, log_range: _Floats) -> npt.NDArray[np.intp]:
     """(N,) how many of the places in directions (N, 3) at ranges (N,) are near each one of them."""
-    # Not by BLAS, whose threads spin: this runs in the process of the control loop. Some rows at a time stay in cache.
-    x, y, z = np.ascontiguousarray(units.T)
-    counts, tables = np.empty(len(units), np.intp), np.empty((2, _ROWS, len(units)))
-    for first in range(0, len(units), _ROWS):
-        rows = slice(first, first + _ROWS)
-        cosine, table = tables[:, : len(x[rows])]
-        np.multiply.outer(x[rows], x, out=cosine)
-        cosine += np.multiply.outer(z[rows], z, out=table)
-        cosine += np.multiply.outer(y[rows], y, out=table)
-        near = cosine > math.cos(_MODE_RAD)
-        np.abs(np.subtract.outer(log_range[rows], log_range, out=table), out=table)
-        near &= table < math.log(_MODE_RATIO)
-        counts[rows] = near.sum(axis=1)
-    return counts
+    # Not by BLAS, whose threads spin: this runs in the process of the control loop. float32, so that it stays in cache.
+    x, y, z = np.ascontiguousarray(units.T, np.float32)
+    height = log_range.astype(np.float32)
+    cosine = np.multiply.outer(x, x)
+    table = np.multiply.outer(y, y)
+    cosine += table
+    cosine += np.multiply.outer(z, z, out=table)
+    near = cosine > np.float32(math.cos(_MODE_RAD))
+    np.abs(np.subtract.outer(height, height, out=table), out=table)
+    near &= table < np.float32(math.log(_MODE_RATIO))
+    return np.asarray(near.view(np.uint8).sum(axis=1, dtype=np.intp))
