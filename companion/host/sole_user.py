@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 from pathlib import Path
 
 from companion.errors import ConfigError
@@ -14,8 +15,10 @@ class SoleUser:
 
     def __init__(self, path: Path, key: str) -> None:
         """`key` is what the configuration names the folder by."""
-        # Beside it, since the file itself is replaced as a whole and a lock would go with the one replaced.
-        self._file = path.with_name(f".{path.name}.lock").open("ab")
+        # Beside it, since the file itself is replaced as a whole and a lock would go with the one replaced; to read
+        # only, since one that another user left there serves as well.
+        lock = path.with_name(f".{path.name}.lock")
+        self._file = os.fdopen(os.open(lock, os.O_RDONLY | os.O_CREAT, 0o644), "rb")
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
