@@ -20,7 +20,7 @@ from benchmarks.timing import best_s
 from companion.config.schema import Config, CsiConfig, NeighbourConfig
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.neighbours import wire
-from companion.neighbours.bands import band_of, grid_of
+from companion.neighbours.bands import grid_of
 from companion.neighbours.link import Link
 from companion.neighbours.receiver import NeighbourReceiver
 from companion.neighbours.sender import BYTES_PER_S, NeighbourSender
@@ -186,7 +186,7 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, at_80mhz: boo
         for i in range(2, 2 + neighbours)
     ]
     slots = round(seconds * RATE_HZ)
-    band = band_of(_report(0, 0).rate) if at_80mhz else 0
+    band = _report(0, 0).rate.layout if at_80mhz else 0
     bodies = [encode_record(_report(0, i)) if at_80mhz else encode_body(_record(0, i)) for i in range(neighbours)]
     rng = np.random.default_rng(1)
     parts = 100 * rng.normal(size=(2, grid_of(band).size)) if at_80mhz else np.tile([[20.0], [5.0]], 30)

@@ -24,7 +24,7 @@ from companion.autopilot.port import AutopilotError, GaveWayError
 from companion.autopilot.reconnect import Backoff
 from companion.autopilot.setpoint import setpoint_fields
 from companion.autopilot.telemetry import Telemetry, parameter_field
-from companion.core.clock import NS_PER_S, Clock, next_beat_ns
+from companion.core.clock import NS_PER_S, Clock, age_s, next_beat_ns
 from companion.core.messages import AutopilotEvent, FlightMode, Pose, Setpoint, VehicleState
 
 _LOG = logging.getLogger(__name__)
@@ -363,7 +363,7 @@ class MavsdkAutopilot:
         return state.can_arm is False and not state.arming_reasons and not state.armed
 
     def _heartbeat_age_s(self) -> float:
-        return (self._clock.now_ns() - (self._telemetry.told("heartbeat_mono_ns") or 0)) / NS_PER_S
+        return age_s(self._telemetry.told("heartbeat_mono_ns"), self._clock.now_ns())
 
     async def _sleep(self, seconds: float) -> None:
         await self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))

@@ -1,7 +1,7 @@
 """Which subcarriers the channels of a datagram are of: one number, which stands for a format and a width.
 
-0 is an Intel 5300 over 20 MHz. Others are bits 8 to 13 of the rate word of an AX card (format in the lower three, width
-above), whose channels are thinned as `csi_bridge.feitcsi.channel.thinned` does.
+0 is an Intel 5300 over 20 MHz. Others are the `layout` of the rate word of an AX card, its bits 8 to 13, whose channels
+are thinned as `csi_bridge.feitcsi.channel.thinned` does.
 """
 
 from __future__ import annotations
@@ -18,10 +18,6 @@ from wsr.reduced import coefficients
 OF_5300: Final = 0
 _SHIFT: Final = 8
 _BITS: Final = 0x3F
-
-
-def band_of(rate: Rate) -> int:
-    return rate.word >> _SHIFT & _BITS
 
 
 @lru_cache(maxsize=64)

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import NS_PER_S, age_s
 from companion.neighbours import wire
 from companion.neighbours.clock_relation import ClockRelation, Offset
 from companion.neighbours.pairing import Pairing
@@ -189,7 +189,7 @@ class Neighbour:
             "refused": {name: getattr(self.refused, name) for name in Refusals.__slots__},
             "refusal": self.refusal,
             "boots": self.boots,
-            "age_s": None if self.heard_ns is None else (now_ns - self.heard_ns) / NS_PER_S,
+            "age_s": None if self.heard_ns is None else age_s(self.heard_ns, now_ns),
             "data_age_s": self.data_age_s(now_ns),
             "pairing_rate": self.pairing.rate(now_ns),
             "paired": self.pairing.paired,

@@ -177,7 +177,7 @@ class Radio:
                 power_dbm=record.power_dbm,
                 subcarrier_hz=subcarrier_hz,
                 fine_us=record.ftm_ticks / TICKS_PER_US,
-                band=record.rate.word >> 8 & 0x3F,
+                band=record.rate.layout,
                 half_turns=True,
             )
         )

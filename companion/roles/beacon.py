@@ -36,6 +36,6 @@ class Beacon:
             csi[:, self._antenna].copy(),
             sample.power_dbm,
             self._antenna,
-            sample.band,
-            0 if sample.fine_us is None else round(sample.fine_us * TICKS_PER_US),
+            band=sample.band,
+            ticks=0 if sample.fine_us is None else round(sample.fine_us * TICKS_PER_US),
         )

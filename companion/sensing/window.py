@@ -176,15 +176,15 @@ class SarWindow:
         inside = (t_ns >= start_ns) & (t_ns <= end_ns)
         t_ns, stamps = t_ns[inside], stamps[inside]
         return _Forward(
-            t_ns,
-            stamps[:, FRAME].astype(np.int64),
-            stamps[:, NIC].astype(np.int64),
-            heard.channels(stamps),
-            heard.subcarrier_hz,
-            heard.half_turns,
-            _mean_dbm(stamps[:, POWER]),
-            heard.band,
-            stamps[:, FINE],
+            t_ns=t_ns,
+            frame=stamps[:, FRAME].astype(np.int64),
+            nic_us=stamps[:, NIC].astype(np.int64),
+            csi=heard.channels(stamps),
+            subcarrier_hz=heard.subcarrier_hz,
+            half_turns=heard.half_turns,
+            power_dbm=_mean_dbm(stamps[:, POWER]),
+            band=heard.band,
+            fine_us=stamps[:, FINE],
         )
 
     def _times(self, stamps: npt.NDArray[np.float64]) -> Times:

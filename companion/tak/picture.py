@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from companion.core.clock import age_s
 from companion.core.messages import Vector3
 from companion.tak.events import (
     DRONE,
@@ -35,7 +36,6 @@ _LIKELY: Final = 0.5
 _KNOWN_SHARE: Final = 0.3
 """A target whose range is known worse is told as a direction."""
 _WEDGE_STDS: Final = 1.96
-_S: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ class Picture:
         return [own, *(target or self._wedge(place, local_m))]
 
     def _age_s(self, t_ns: int) -> float:
-        return (self._t_ns - t_ns) * _S
+        return age_s(t_ns, self._t_ns)
 
     def _here(self) -> tuple[Place, Vector3 | None, CotEvent] | None:
         vehicle = self._newest.get("/vehicle")

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import msgspec
 
-from companion.core.clock import NS_PER_S
+from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.core.streams import TEAM
@@ -132,7 +132,7 @@ def team_status(state: TeamState | None, names: dict[int, str], now_ns: int) -> 
     """Of the newest state; nothing of one that is old."""
     if state is None:
         return {"age_s": None, "robots": {}, "own_axes_deg": None, "own_axes_std_deg": None}
-    age_s = (now_ns - state.t_mono_ns) / NS_PER_S
+    state_age_s = age_s(state.t_mono_ns, now_ns)
     robots = {
         names[member.id]: {
             "placed": member.placed,
@@ -142,10 +142,10 @@ def team_status(state: TeamState | None, names: dict[int, str], now_ns: int) -> 
             "axes_std_deg": degrees(member.heading_std_rad),
             "sightings": member.sightings,
         }
-        for member in (state.members if age_s < _OLD_S else ())
+        for member in (state.members if state_age_s < _OLD_S else ())
     }
     return {
-        "age_s": age_s,
+        "age_s": state_age_s,
         "robots": robots,
         "own_axes_deg": degrees(state.own_heading_rad),
         "own_axes_std_deg": degrees(state.own_heading_std_rad),

@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import Final
 
 _WIDTHS_MHZ: Final = (20, 40, 80, 160, 320)
-_FORMAT_SHIFT, _WIDTH_SHIFT, _THREE_BITS = 8, 11, 7
+_FORMAT_SHIFT, _WIDTH_SHIFT, _THREE_BITS, _SIX_BITS = 8, 11, 7, 63
 _ANTENNA_SHIFT: Final = 14
 
 
@@ -48,6 +48,11 @@ class Rate:
     def antennas(self) -> tuple[int, ...]:
         """Chains that received: 0 is A, 1 is B."""
         return tuple(chain for chain in (0, 1) if self.word >> (_ANTENNA_SHIFT + chain) & 1)
+
+    @property
+    def layout(self) -> int:
+        """Format and width as one number, the width above: which subcarriers there are."""
+        return self.word >> _FORMAT_SHIFT & _SIX_BITS
 
     def __str__(self) -> str:
         name = "unknown format" if self.format is None else self.format.name

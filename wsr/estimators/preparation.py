@@ -34,8 +34,6 @@ class Prepared:
     """Of the bins' channels."""
     wavelength_m: float
     dropped: dict[str, int]
-    reciprocity: float
-    offset_hz: float
     bin_t_s: Array
     """(B,) mean time of each bin."""
     amplitude: Array32
@@ -48,9 +46,9 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     agreement = folded.reciprocity
     by_delay = takes_first_path(aperture, options)
     if by_delay and aperture.half_turns:
-        jitter_rad, offset_hz = 2 * half_jitter_rad(aperture, folded.centre), 0.0
+        jitter_rad = 2 * half_jitter_rad(aperture, folded.centre)
     else:
-        jitter_rad, offset_hz = _jitter_phase(aperture, folded.centre, options)
+        jitter_rad = _jitter_phase(aperture, folded.centre, options)
     clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
     keep = np.ones(aperture.packets, np.bool_)
     segment, sign = np.zeros(aperture.packets, np.int64), np.ones(aperture.packets, np.float32)
@@ -96,8 +94,6 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         grid=aperture.grid if options.wideband and not by_delay else known(1),
         wavelength_m=wavelength_m,
         dropped={reason: count for reason, count in dropped.items() if count},
-        reciprocity=median(agreement),
-        offset_hz=offset_hz,
         bin_t_s=bins.means(aperture.t_s),
         amplitude=amplitude,
     )
@@ -144,15 +140,15 @@ def _product(aperture: Aperture) -> Complex:
     return np.asarray(product / max(float(np.abs(product).max()), 1e-300))
 
 
-def _jitter_phase(aperture: Aperture, centre: Complex64, options: RobustOptions) -> tuple[Array, float]:
-    """2 pi df dt (M,), which undoes the turnaround jitter, and df."""
+def _jitter_phase(aperture: Aperture, centre: Complex64, options: RobustOptions) -> Array:
+    """2 pi df dt (M,), which undoes the turnaround jitter."""
     if not options.jitter or aperture.nic_us is None:
-        return np.zeros(aperture.packets), 0.0
+        return np.zeros(aperture.packets)
     ours_s = (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
     turnaround_s = (aperture.nic_us[:, 1] - aperture.nic_us[:, 0]) * 1e-6
     offset_hz = carrier_offset_hz(centre, turnaround_s, ours_s, aperture.wavelength_m)
     late_s = jitter_s(turnaround_s, ours_s, offset_hz, aperture.wavelength_m)
-    return 2 * np.pi * offset_hz * late_s, offset_hz
+    return np.asarray(2 * np.pi * offset_hz * late_s)
 
 
 def counted_amplitude(amplitude: Array32, options: RobustOptions) -> Array32:

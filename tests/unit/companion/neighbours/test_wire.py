@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from companion.neighbours import wire
-from companion.neighbours.bands import band_of, coefficients_of
+from companion.neighbours.bands import coefficients_of
 from csi_bridge.feitcsi.rate import Format
 from tests import feit_records
 from tests.datagrams import KEY, KEYS, datagram
@@ -141,7 +141,7 @@ def test_a_reader_written_from_the_table_alone_finds_the_same() -> None:
 
 def wide(count: int, width_mhz: int = 80) -> wire.Datagram:
     """With channels of an AX card."""
-    band = band_of(feit_records.record(Format.HE, width_mhz).rate)
+    band = feit_records.record(Format.HE, width_mhz).rate.layout
     rng = np.random.default_rng(count)
     base = datagram(csi=count)
     coefficients = rng.integers(-31, 32, (count, coefficients_of(band), 2)).astype(np.int8)
