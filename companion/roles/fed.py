@@ -12,11 +12,11 @@ from companion.config.schema import Config
 from companion.core.clock import NS_PER_S, next_beat_ns
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
+from companion.host.beside import Beside
 from companion.host.fed_process import keep_fed
 from companion.log.feed import STATUS, Feed, introduction
 from companion.log.lines import record_lines
 
-_log = logging.getLogger(__name__)
 _STATUS_NS: Final = NS_PER_S
 """On the beat of the service's own health, which needs the same of what is known."""
 
@@ -34,7 +34,7 @@ class FedProcess(ABC):
         self._config = config
         self._clock = clock
         self._feed: Feed | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._beside = Beside(self.name)
         self.recorder = recorder
         if enabled:
             self.recorder = self._feed = Feed(introduction(config, "live"), recorder)
@@ -47,14 +47,11 @@ class FedProcess(ABC):
         """From now on, beside the service's tasks and not one of them: one that fails ends nothing but itself.
         `status` is asked once a second, on the event loop."""
         if self._feed is not None:
-            self._task = asyncio.create_task(self._run(self._feed, status), name=self.name)
-            self._task.add_done_callback(self._tell_failure)
+            self._beside.start(self._run(self._feed, status))
 
     async def aclose(self) -> None:
         """Harmless when repeated."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait({self._task})
+        await self._beside.aclose()
 
     async def _run(self, feed: Feed, status: Callable[[], dict[str, Any]]) -> None:
         feed.start()
@@ -73,10 +70,6 @@ class FedProcess(ABC):
         while True:
             feed.tell(STATUS, self._clock.now_ns(), status())
             await self._clock.sleep_until_ns(next_beat_ns(self._clock.now_ns(), _STATUS_NS))
-
-    def _tell_failure(self, task: asyncio.Task[None]) -> None:
-        if not task.cancelled() and (error := task.exception()) is not None:
-            _log.error("the %s has failed: %r; the service goes on without it", self.name, error)
 
 
 class _ForFeed:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -14,8 +13,8 @@ from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.flight.announcements import Announcements, named_values
+from companion.host.beside import Beside
 
-_log = logging.getLogger(__name__)
 _LOOK_S: Final = 0.25
 """How late a sentence may be."""
 
@@ -27,7 +26,7 @@ class Ground:
         self._rate_hz = 0.0 if config.autopilot is None else config.autopilot.ground_hz
         self._clock = clock
         self._announcements: Announcements | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._telling = Beside("ground")
         self.recorder = recorder
         if self.is_on:
             self.recorder = self._announcements = Announcements(recorder)
@@ -39,14 +38,11 @@ class Ground:
     def start(self, status: Callable[[], dict[str, Any]], station: GroundStation) -> None:
         """From now on. `status` is asked for at `ground_hz`, on the event loop."""
         if self._announcements is not None:
-            self._task = asyncio.create_task(self._run(self._announcements, status, station), name="ground")
-            self._task.add_done_callback(_tell_failure)
+            self._telling.start(self._run(self._announcements, status, station))
 
     async def aclose(self) -> None:
         """Harmless when repeated. What was not said yet is said, if the link is still there."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait({self._task})
+        await self._telling.aclose()
 
     async def _run(
         self, announcements: Announcements, status: Callable[[], dict[str, Any]], station: GroundStation
@@ -68,8 +64,3 @@ class Ground:
         for one in announcements.due(self._clock.now_ns()):
             with contextlib.suppress(AutopilotError):  # there is no link, so nobody to hear it
                 station.say(one.severity, one.text)
-
-
-def _tell_failure(task: asyncio.Task[None]) -> None:
-    if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("telling the ground has failed: %r; the service goes on without it", error)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import importlib.util
-import logging
 from typing import Final
 
 import msgspec
@@ -13,11 +12,11 @@ from companion.config.schema import Config
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.errors import ConfigError
+from companion.host.beside import Beside
 from companion.host.fed_process import keep_fed
 from companion.host.token import read_token
 from companion.log.live import LiveFeed
 
-_log = logging.getLogger(__name__)
 LIVE: Final = "companion.live.server"
 """Its module: a process of its own, of a room that nothing here imports."""
 _EXTRA: Final = "foxglove.enabled: needs the library foxglove-sdk: pip install 'wsr-companion[foxglove]'"
@@ -32,7 +31,7 @@ class LiveStreams:
     def __init__(self, config: Config, clock: EventClock, recorder: Recorder) -> None:
         self._config = config
         self._feed: LiveFeed | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._server = Beside("live server")
         self.recorder = recorder
         if config.foxglove.enabled:
             if importlib.util.find_spec("foxglove") is None:
@@ -48,14 +47,11 @@ class LiveStreams:
     def start(self) -> None:
         """From now on, beside the service's tasks and not one of them."""
         if self._feed is not None:
-            self._task = asyncio.create_task(self._run(self._feed), name="live")
-            self._task.add_done_callback(_tell_failure)
+            self._server.start(self._run(self._feed))
 
     async def aclose(self) -> None:
         """Harmless when repeated."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait({self._task})
+        await self._server.aclose()
 
     async def _run(self, feed: LiveFeed) -> None:
         feed.start()
@@ -69,8 +65,3 @@ class LiveStreams:
         token = None if live.token_file is None else str(config.path(live.token_file))
         settings = {"name": config.name, "address": live.address, "port": live.port, "token_file": token}
         return msgspec.json.encode(settings).decode()
-
-
-def _tell_failure(task: asyncio.Task[None]) -> None:
-    if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("the live server has failed: %r; the service goes on without it", error)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Final
@@ -13,9 +11,9 @@ from companion.camera.sighting import TagFrame
 from companion.camera.source import TagSource
 from companion.config.schema import Config
 from companion.errors import ConfigError
+from companion.host.beside import Beside
 from companion.host.fed_process import keep_fed
 
-_log = logging.getLogger(__name__)
 READER: Final = "companion.camera.reader"
 _EXTRA: Final = "tag_camera.enabled: needs the library opencv-python-headless: pip install 'wsr-companion[apriltag]'"
 
@@ -30,7 +28,7 @@ class TagCamera:
         self._config = config
         self._on_frame = on_frame
         self._source: TagSource | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._reader = Beside("tag camera")
 
     def start(self) -> None:
         """Beside the service's tasks and not one of them."""
@@ -38,20 +36,10 @@ class TagCamera:
             return
         self._source = TagSource(self._on_frame)
         settings = reader_settings(self._config)
-        self._task = asyncio.create_task(
-            keep_fed("tag camera", READER, settings, self._source.attach), name="tag camera"
-        )
-        self._task.add_done_callback(_tell_failure)
+        self._reader.start(keep_fed("tag camera", READER, settings, self._source.attach))
 
     async def aclose(self) -> None:
         """Harmless when repeated."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait({self._task})
+        await self._reader.aclose()
         if self._source is not None:
             self._source.close()
-
-
-def _tell_failure(task: asyncio.Task[None]) -> None:
-    if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("the tag camera has failed: %r; the service goes on without it", error)

@@ -19,6 +19,7 @@ import msgspec
 from companion.autopilot.delegating import DelegatingAutopilot
 from companion.autopilot.port import Autopilot, AutopilotError
 from companion.config.schema import Config
+from companion.host.beside import Beside
 from companion.host.child import tied
 from companion.signing.key import read_signing_key
 from companion.signing.told import RelayReport, RelaySettings
@@ -151,7 +152,7 @@ class SignedAutopilot(DelegatingAutopilot):
     def __init__(self, autopilot: Autopilot, relay: SigningRelay) -> None:
         super().__init__(autopilot)
         self._relay = relay
-        self._task: asyncio.Task[None] | None = None
+        self._beside = Beside("signing relay")
 
     @property
     def problem(self) -> str:
@@ -170,20 +171,11 @@ class SignedAutopilot(DelegatingAutopilot):
 
     async def aclose(self) -> None:
         await self._autopilot.aclose()
-        task, self._task = self._task, None
-        if task is not None:
-            task.cancel()
-            await asyncio.wait({task})
+        await self._beside.aclose()
 
     def _start(self) -> None:
-        if self._task is None:
-            self._task = asyncio.create_task(self._relay.run(), name="signing relay")
-            self._task.add_done_callback(_tell_failure)
-
-
-def _tell_failure(task: asyncio.Task[None]) -> None:
-    if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("the signing relay is not kept running any more: %r", error)
+        if not self._beside.is_started:
+            self._beside.start(self._relay.run())
 
 
 async def _told(reports: socket.socket) -> AsyncIterator[RelayReport | str]:

@@ -19,6 +19,7 @@ from companion.core.clock import age_s
 from companion.core.event_clock import EventClock
 from companion.core.recorder import Recorder
 from companion.core.streams import TEAM
+from companion.host.beside import Beside
 from companion.host.child import tied
 from companion.team.news import LENGTH, MAX_BYTES, News, framed
 from companion.team.records import TeamState
@@ -47,7 +48,7 @@ class TeamProcess:
         self._recorder = recorder
         self._news = news
         self._process: asyncio.subprocess.Process | None = None
-        self._task: asyncio.Task[None] | None = None
+        self._beside = Beside("team")
         self._state: TeamState | None = None
         self.dropped = 0
         """Seconds of news that the process did not take in time."""
@@ -55,14 +56,11 @@ class TeamProcess:
 
     def start(self) -> None:
         """Beside the service's tasks and not one of them: what fails here ends nothing else."""
-        self._task = asyncio.create_task(self._run(), name="team")
-        self._task.add_done_callback(_tell_failure)
+        self._beside.start(self._run())
 
     async def aclose(self) -> None:
         """Harmless when repeated."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait({self._task})
+        await self._beside.aclose()
 
     def status(self) -> dict[str, Any]:
         """For a person: the newest of all robots, angles in degrees."""
@@ -150,8 +148,3 @@ def team_status(state: TeamState | None, names: dict[int, str], now_ns: int) -> 
         "own_axes_deg": degrees(state.own_heading_rad),
         "own_axes_std_deg": degrees(state.own_heading_std_rad),
     }
-
-
-def _tell_failure(task: asyncio.Task[None]) -> None:
-    if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("the team has failed: %r; the service goes on without it", error)

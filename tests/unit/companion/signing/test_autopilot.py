@@ -64,10 +64,7 @@ async def test_a_relay_that_ends_is_started_again_later_than_any_failsafe(
         while "there-is-none" not in ours.problem:  # noqa: ASYNC110 - it is polled
             await asyncio.sleep(0.02)
     assert ours.problem == ("the signing relay is not running: serial /dev/there-is-none: No such file or directory")
-    task = link._task
-    assert task is not None
-    task.cancel()
-    await asyncio.wait({task})
+    await link._beside.aclose()
     assert ours.pid is None
 
 
