@@ -1,6 +1,6 @@
 """Every recording through the live path (feed, connector, netlink source, pairing over real UDP) gives the bearing that
-`companion analyze` gives. One run of every other set here, of the others in `unit/companion/analysis/test_imported.py`;
-all of them by `make test-long`."""
+`companion analyze` gives. One run here, another in `unit/companion/analysis/test_imported.py`; all of them by
+`make test-long`."""
 
 from __future__ import annotations
 

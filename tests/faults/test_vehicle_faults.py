@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,10 @@ def start(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch:
     return begin
 
 
+def _refuses_for(flight: VirtualFlight, problem: str) -> bool:
+    return problem in flight.flight.status()["not_ready"]
+
+
 @asynccontextmanager
 async def _flying(flight: VirtualFlight, settle_s: float = 2.0) -> AsyncIterator[VirtualFlight]:
     try:
@@ -37,10 +42,17 @@ async def _flying(flight: VirtualFlight, settle_s: float = 2.0) -> AsyncIterator
 
 
 @pytest.mark.parametrize("gps", [True, False])
-async def test_fault_34_a_whole_flight_from_ground_to_ground(start: Start, gps: bool) -> None:
+async def test_fault_34_fault_48_a_whole_flight_from_ground_to_ground_healthy_at_rest_and_in_the_air(
+    start: Start, gps: bool
+) -> None:
+    """PX4 sets CONST_POS_MODE while it stands, and in the air when nothing measures where it is."""
     async with _flying(start(gps)) as flight:
-        assert await flight.engage() == ""
+        at_rest = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
+        assert at_rest & 128 and flight.state.estimator_healthy and await flight.engage() == ""
         await flight.until(State.APPROACHING)
+        in_air = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
+        assert not in_air & 128 and flight.state.estimator_healthy
+        record(48, flags_at_rest=at_rest, flags_in_the_air=in_air, healthy_in_both=True)
         await flight.run(5.0)
         heights_m = [p[2] for p, _ in flight.truths[-60:]]
         lowest_m, highest_m = min(heights_m), max(heights_m)
@@ -75,7 +87,7 @@ async def test_fault_31_a_vehicle_that_is_no_px4_is_not_engaged(start: Start) ->
         assert "the vehicle is no PX4 but ardupilot" in flight.flight.status()["not_ready"]
 
 
-@pytest.mark.parametrize("gps", [True, False])
+@pytest.mark.parametrize("gps", [True, pytest.param(False, marks=pytest.mark.long)])
 async def test_fault_44_what_px4_itself_would_not_arm_is_refused_with_its_reason(start: Start, gps: bool) -> None:
     async with _flying(start(gps)) as flight:
         assert flight.flight.status()["vehicle"]["can_arm"] is True
@@ -103,26 +115,36 @@ async def test_fault_44_a_vehicle_that_tells_nothing_of_its_checks_is_refused(st
 
 
 @pytest.mark.parametrize(
-    ("orders", "problem"),
+    "told",
     [
-        (["battery 0 0.95", "battery 1 0.05"], "the battery is low: 5 %, wanted 20"),
-        (["battery 0 0.05", "battery 1 0.95"], "the battery is low: 5 %, wanted 20"),
-        (["battery 0 0.95", "battery 1 unknown"], "battery 1 is silent, or does not know how full it is"),
-        (["battery 0 unknown"], "no battery tells how full it is (BATTERY_STATUS)"),
-        (["battery 0 silent"], "no battery tells how full it is (BATTERY_STATUS)"),
+        [
+            (["battery 0 0.95", "battery 1 0.05"], "the battery is low: 5 %, wanted 20"),
+            (["battery 1 unknown"], "battery 1 is silent, or does not know how full it is"),
+            (["battery 0 0.05", "battery 1 0.95"], "the battery is low: 5 %, wanted 20"),
+        ],
+        [
+            (["battery 0 unknown"], "no battery tells how full it is (BATTERY_STATUS)"),
+            (["battery 0 0.95"], ""),
+            (["battery 0 silent"], "no battery tells how full it is (BATTERY_STATUS)"),
+        ],
     ],
+    ids=["two", "one"],
 )
 async def test_fault_32_the_lowest_battery_counts_and_an_unknown_one_refuses(
-    start: Start, orders: list[str], problem: str
+    start: Start, told: list[tuple[list[str], str]]
 ) -> None:
     async with _flying(start()) as flight:
-        for order in orders:
-            flight.order(order)
-        after_s = await flight.seconds_until(lambda: problem in flight.flight.status()["not_ready"])
-        record(32, known_after_s=after_s)
-        await flight.run(max(0.0, 8.0 - after_s))
-        assert problem in await flight.engage()
-        assert not flight.report().armed
+        for orders, problem in told:
+            for order in orders:
+                flight.order(order)
+            if not problem:
+                await flight.seconds_until(lambda: not flight.flight.status()["not_ready"])
+                continue
+            after_s = await flight.seconds_until(partial(_refuses_for, flight, problem))
+            record(32, ", ".join(orders), known_after_s=after_s)
+            await flight.run(2.0)
+            assert problem in await flight.engage()
+            assert not flight.report().armed
 
 
 @pytest.mark.parametrize(("parameter", "value"), [("RTL_RETURN_ALT", 30.0), ("NAV_MC_ALT_RAD", 1.5)])
@@ -179,7 +201,7 @@ async def test_fault_35_a_restarted_vehicle_gets_its_origin_again(start: Start) 
         assert await flight.engage() == ""
 
 
-@pytest.mark.parametrize("jump_m", [(1.0, 0.0, 0.0), (0.0, -3.0, 0.4)])
+@pytest.mark.parametrize("jump_m", [pytest.param((1.0, 0.0, 0.0), marks=pytest.mark.long), (0.0, -3.0, 0.4)])
 async def test_fault_36_without_gps_a_jump_of_the_poses_moves_nothing(
     start: Start, jump_m: tuple[float, float, float]
 ) -> None:
@@ -199,7 +221,7 @@ async def test_fault_36_without_gps_a_jump_of_the_poses_moves_nothing(
         assert flight.report().vision_dropped == 0
 
 
-@pytest.mark.parametrize("reset_m", [(5.0, 0.0, 0.0), (-1.0, 1.0, 0.5)])
+@pytest.mark.parametrize("reset_m", [pytest.param((5.0, 0.0, 0.0), marks=pytest.mark.long), (-1.0, 1.0, 0.5)])
 async def test_fault_37_an_estimate_that_is_set_anew_moves_our_path_along(
     start: Start, reset_m: tuple[float, float, float]
 ) -> None:
@@ -274,18 +296,6 @@ async def test_fault_40_outside_its_own_fence_it_is_not_engaged(start: Start) ->
         flight.order("reset 0 0 -487")
         await flight.run(1.0)
         assert "the vehicle is outside gate.fence_*: East " in await flight.engage()
-
-
-@pytest.mark.parametrize("gps", [True, False])
-async def test_fault_48_a_vehicle_is_healthy_at_rest_and_in_the_air(start: Start, gps: bool) -> None:
-    """PX4 sets CONST_POS_MODE while it stands, and in the air when nothing measures where it is."""
-    async with _flying(start(gps)) as flight:
-        at_rest = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
-        assert at_rest & 128 and flight.state.estimator_healthy and await flight.engage() == ""
-        await flight.until(State.APPROACHING)
-        in_air = flight.px4.commander.estimator.flags(flight.px4.commander.is_at_rest)
-        assert not in_air & 128 and flight.state.estimator_healthy
-        record(48, flags_at_rest=at_rest, flags_in_the_air=in_air, healthy_in_both=True)
 
 
 async def test_fault_49_poses_carry_the_vehicles_own_time_whatever_its_clock_does(start: Start) -> None:
