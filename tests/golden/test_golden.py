@@ -6,13 +6,15 @@ import dataclasses
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from companion.log.reader import open_session
+from companion.core.streams import APERTURE
+from companion.log.reader import LoggedMessage, Session, open_session
 from companion.replay.check import check
-from companion.replay.player import Player
+from companion.replay.player import DECISION_TOPICS, INPUT_TOPICS, Player
 from companion.replay.result import ReplayResult, replay_log, write_log
 from tests.golden.golden_logs import GOLDEN, moved, replayed
 
@@ -34,15 +36,30 @@ def test_nothing_has_moved(golden: tuple[Path, ReplayResult]) -> None:
     assert result.unexpected == 0
 
 
+class _Beginning(Session):
+    """A golden log until its fourth aperture, which holds all that another configuration decides at first."""
+
+    def messages(self, *asked: object, **others: object) -> Iterator[LoggedMessage]:
+        apertures = 0
+        for message in super().messages(INPUT_TOPICS | DECISION_TOPICS):
+            apertures += message.topic == APERTURE.topic
+            if apertures == 4:
+                return
+            yield message
+
+
 def test_another_decision_is_seen(golden: tuple[Path, ReplayResult]) -> None:
-    """What the guard is worth: slightly longer legs are other set points, and other apertures."""
-    path, result = golden
-    session = open_session(path)
+    """What the guard is worth: slightly longer legs are other set points, and other apertures; the same are none."""
+    path, whole = golden
+    full = open_session(path)
+    session = _Beginning(**{one.name: getattr(full, one.name) for one in dataclasses.fields(full)})
     config = session.config()
     longer = dataclasses.replace(config, aperture=dataclasses.replace(config.aperture, length_m=1.25))
     with Player(session, longer, exact=True) as player:
         other = replay_log(player, session, None)
-    differing = {one.topic for one in check(result.recorded, other.decided, 0) if one.difference is not None}
+    same = [one for one in whole.decided if one.event <= other.recorded[-1].sequence]
+    assert {one.topic for one in check(other.recorded, same, 0) if one.difference is not None} == set()
+    differing = {one.topic for one in check(other.recorded, other.decided, 0) if one.difference is not None}
     assert {"/setpoint", "/aperture"} <= differing
 
 

@@ -6,17 +6,25 @@ import math
 import re
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 
-from companion.log.reader import open_session
+from companion.core.streams import BEARING, PROFILE
+from companion.log.encoding import encoded, schema_of
+from companion.log.reader import LoggedMessage, open_session
+from companion.log.records import LoggedIteration
+from companion.log.repair import copy
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
+from companion.log.writer import LogWriter
 from companion.report.content import gather
 from companion.report.page import figures, flight_page
 from tests.browser_session import Session
 from tests.golden.golden_logs import GOLDEN
 from tests.paths import ROOT
+from wsr.directions import AZIMUTH_RAD, POLAR_RAD
+from wsr.geometry import direction
 
 SECTIONS = (
     "The flight, moment by moment", "Distance to the target",
@@ -33,27 +41,22 @@ _HEAT = """(() => { const one = document.querySelector('canvas[aria-label^="heat
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a replayed flight (so that it has profiles) with a truth beside it."""
-    from companion.replay.player import Player
-    from companion.replay.result import replay_log, write_decided
-
+    """The report of the golden flight with a truth beside it, and a profile with each bearing, which a golden log has
+    not: replayed it would have, for as much processor as all tests of this page together."""
     folder = tmp_path_factory.mktemp("report")
     golden = open_session(GOLDEN[0])
-    with Player(golden, golden.config(), exact=True) as player:
-        result = replay_log(player, golden, None)
     log = folder / "log.mcap"
-    from companion.log.repair import copy
-    from companion.log.writer import LogWriter
-    from companion.replay.player import INPUT_TOPICS
-
+    start_ns = 0
     with log.open("wb") as file:
         writer = LogWriter(file, golden.metadata)
-        for message in golden.messages(INPUT_TOPICS):
+        for message in golden.messages():
+            start_ns = start_ns or message.log_time_ns - golden.wall_minus_mono_ns
             copy(writer, message)
-        for one in result.decided:
-            write_decided(writer, one, golden.wall_minus_mono_ns)
+            if message.topic == BEARING.topic:
+                data, source = encoded(PROFILE, message.log_time_ns, _profile_of(message))
+                times = (message.log_time_ns, message.publish_time_ns)
+                writer.copy(PROFILE.topic, PROFILE.encoding, schema_of(source), times, message.sequence, data)
         writer.finish()
-    start_ns = result.start_ns
     azimuth_rad = math.radians(-60.53)  # where the demo's seed 1 places the beacon, 15 m from the start
     beacon = {"beacon": (15 * math.cos(azimuth_rad), 15 * math.sin(azimuth_rad), 0.3)}
     truths = [Truth(start_ns + k * 50_000_000, (0.0, 0.0, 1.5), beacon) for k in range(-400, 1200)]
@@ -66,6 +69,15 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert len(numbers["errors_deg"]) == 12
     assert all(error < 10 for error in numbers["errors_deg"])
     return out
+
+
+def _profile_of(bearing: LoggedMessage) -> bytes:
+    """One lobe where the bearing points, as an AOA worker sends it."""
+    estimate = msgspec.json.decode(bearing.data, type=LoggedIteration).estimate
+    assert estimate is not None
+    towards = direction(estimate.azimuth_rad, estimate.polar_rad)
+    power = np.exp(40.0 * (direction(AZIMUTH_RAD[None, :], POLAR_RAD[:, None]) @ towards - 1.0))
+    return np.asarray(power, np.float16).tobytes()
 
 
 def test_the_page_says_everything_and_loads_nothing(page: Path) -> None:
