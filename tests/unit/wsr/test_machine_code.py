@@ -37,4 +37,3 @@ def test_what_a_function_calls_in_another_file_is_not_left_as_it_was(tmp_path: P
     assert _run(tmp_path) == (6.0, False)
     (tmp_path / "constant.py").write_text("OFFSET = 10.0\n")
     assert _run(tmp_path) == (15.0, False)
-    assert _run(tmp_path) == (15.0, True)
