@@ -41,7 +41,7 @@ def main() -> None:
     stand_back(nice=10)
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     estimator = ESTIMATORS[sys.argv[1]]()
-    warm_up()
+    warm_up(sys.argv[1])
     ready = AoaResult(id=READY_ID, peer=0, compute_s=0.0)
     _write(sink, ready)
     while (request := _read(source)) is not None:

@@ -3,7 +3,7 @@
 `ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
 `bartlett` (the paper's), `music` (the subspace method). The other modules are steps of these: `preparation`,
 `stretches` and `source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up`
-loads or compiles the machine code of `robust`.
+loads or compiles the machine code of one of them.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from wsr.estimators.robust import Robust
 ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
 
 
-def warm_up() -> None:
-    """Load or compile all machine code that `robust` uses, so that the first real estimate is as fast as the rest."""
+def warm_up(name: str = "robust") -> None:
+    """Load or compile all machine code that an estimator uses, so that the first real estimate is as fast as the rest.
+    Nothing of the others: loading that of `robust` takes a second."""
     kernel.warm_up()
     rng = np.random.default_rng(0)
     # So many that the search of the sphere takes its fast way.
@@ -44,4 +45,4 @@ def warm_up() -> None:
             reverse=wave,
             nic_us=nic_us,
         )
-        Robust().estimate(aperture)
+        ESTIMATORS[name]().estimate(aperture)
