@@ -21,7 +21,6 @@ from companion.config.schema import Config
 from companion.diagnosis.autopilot import autopilot_checks
 from companion.diagnosis.camera import camera_checks
 from companion.diagnosis.card import card_checks
-from companion.diagnosis.coherence import rest_checks
 from companion.diagnosis.installation import installation_checks
 from companion.diagnosis.machine import machine_checks
 from companion.diagnosis.network import key_checks, network_checks
@@ -183,6 +182,8 @@ def _heard(config: Config, seconds: float) -> list[Check]:
 
 
 def _at_rest(config: Config, seconds: float) -> list[Check]:
+    from companion.diagnosis.coherence import rest_checks  # compiled code is below it, which no other check needs
+
     try:
         with _listening(seconds) as update:
             return asyncio.run(rest_checks(config, seconds, update))

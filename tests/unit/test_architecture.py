@@ -53,6 +53,16 @@ def test_no_two_classes_have_one_name() -> None:
     assert {name: paths for name, paths in where.items() if len(paths) > 1} == {}
 
 
+def test_commands_that_estimate_nothing_load_no_compiler() -> None:
+    """It takes half a second of processor."""
+    rooms = [
+        "check_axes", "config", "control", "csi", "demo", "doctor", "feed", "keygen", "log", "radio", "replay",
+        "report", "run", "status", "study",
+    ]  # fmt: skip
+    code = f"import sys, {', '.join(f'companion.commands.{room}' for room in rooms)}; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 @pytest.mark.parametrize("package", ["companion", "companion/pose"])
 def test_packages_on_the_way_to_the_camera_reader_import_nothing_of_ours(package: str) -> None:
     docstring, *more = ast.parse((ROOT / package / "__init__.py").read_text()).body

@@ -3,7 +3,8 @@
 `ESTIMATORS` makes one with its defaults by the name that config and command line give: `robust` (the default),
 `bartlett` (the paper's), `music` (the subspace method). The other modules are steps of these: `preparation`,
 `stretches` and `source_number` before the search, `arrivals`, `cone`, `description` and `trust` after it. `warm_up`
-loads or compiles the machine code of one of them.
+loads or compiles the machine code of one of them. An estimator is imported, and Numba with it, when one is made: who
+reads names and options has no use for a compiler.
 """
 
 from __future__ import annotations
@@ -12,19 +13,36 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wsr import kernel
 from wsr.aoa import Estimator
-from wsr.aperture import Aperture
-from wsr.estimators.bartlett import Bartlett
-from wsr.estimators.music import Music
-from wsr.estimators.robust import Robust
 
-ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": Bartlett, "robust": Robust, "music": Music}
+
+def _bartlett() -> Estimator:
+    from wsr.estimators.bartlett import Bartlett
+
+    return Bartlett()
+
+
+def _robust() -> Estimator:
+    from wsr.estimators.robust import Robust
+
+    return Robust()
+
+
+def _music() -> Estimator:
+    from wsr.estimators.music import Music
+
+    return Music()
+
+
+ESTIMATORS: dict[str, Callable[[], Estimator]] = {"bartlett": _bartlett, "robust": _robust, "music": _music}
 
 
 def warm_up(name: str = "robust") -> None:
     """Load or compile all machine code that an estimator uses, so that the first real estimate is as fast as the rest.
     Nothing of the others: loading that of `robust` takes a second."""
+    from wsr import kernel
+    from wsr.aperture import Aperture
+
     kernel.warm_up()
     rng = np.random.default_rng(0)
     # So many that the search of the sphere takes its fast way.
