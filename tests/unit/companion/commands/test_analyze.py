@@ -20,8 +20,9 @@ from tests.synthetic_run import RX_MAC, STAMP, TX_MAC, RunFolder, write_run
 from tests.unit.companion.commands.spoiled_run import spoil
 
 
-@pytest.mark.parametrize("layout", [34, 38])
-@pytest.mark.parametrize("place", [TX_PLACE, (-9.0, 3.0, 8.0), (2.0, -12.0, -1.5)])
+@pytest.mark.parametrize(
+    ("place", "layout"), [(TX_PLACE, 34), (TX_PLACE, 38), ((-9.0, 3.0, 8.0), 38), ((2.0, -12.0, -1.5), 34)]
+)
 def test_bearing_of_a_known_transmitter(
     cli: Cli, tmp_path: Path, place: tuple[float, float, float], layout: int
 ) -> None:
@@ -251,11 +252,11 @@ def test_a_straight_path_is_said_to_tell_no_azimuth(cli: Cli, run: RunFolder, tm
 
 
 def test_the_installed_program_exits_as_promised(run: RunFolder, tmp_path: Path) -> None:
-    for path, code in ((run.folder, 0), (tmp_path / "nowhere", 1)):
-        command = [sys.executable, "-m", "companion", "analyze", str(path), "--no-pictures"]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env={**os.environ}, check=False)
-        assert done.returncode == code, done.stderr
-        assert "Traceback" not in done.stderr
+    """Codes above 0 are told by what this process's own calls raise; `test_cli.py` sees one of a process."""
+    command = [sys.executable, "-m", "companion", "analyze", str(run.folder), "--no-pictures"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env={**os.environ}, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_one_bad_link_does_not_stop_the_others(cli: Cli, run: RunFolder) -> None:

@@ -102,6 +102,7 @@ def test_places_that_cannot_be_written_leave_nothing(
     assert not list(tmp_path.rglob("*.part"))
 
 
+@pytest.mark.long  # of another command in `test_cli.py`
 def test_a_full_standard_output_is_one_line(run: RunFolder) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     command = [sys.executable, "-m", "companion", "analyze", str(run.folder), "--no-pictures"]
