@@ -93,9 +93,9 @@ def lanes() -> list[Lane]:
         Lane("checks", (*_NICE, "make", "--silent", "check")),
         *(_real_time(*lane) for lane in _FLIGHTS),
         _real_time("edges", *sorted(every - named)),
-        # A thread for each worker: where there are more of BLAS than cores, they spin for each other. One worker more
-        # than cores, since some tests wait.
-        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "3", "--dist", "worksteal", *computing), ONE_THREAD | _KEPT),
+        # A thread for each worker: where there are more of BLAS than cores, they spin for each other. A worker for
+        # each core: a third would read all test modules once more, and whenever one waits other lanes compute.
+        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "2", "--dist", "worksteal", *computing), ONE_THREAD | _KEPT),
     ]
 
 
