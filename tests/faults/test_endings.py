@@ -64,13 +64,25 @@ def _fails(config: Path, python: str = sys.executable) -> str:
     return err
 
 
+@contextmanager
+def _manager(robot: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """What systemd hears of a service."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(robot / "notify.sock"))
+        manager.settimeout(_START_S)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(robot / "notify.sock"))
+        yield manager
+
+
 @pytest.mark.parametrize("name", ["uav", "beacon"])
-def test_fault_42_a_start_that_fails_says_why_and_ends(robot: Path, name: str) -> None:
+def test_fault_42_a_start_that_fails_says_why_and_ends(robot: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     count, longest_s = runs(1, 20), 0.0
-    for _ in range(count):
-        began_s = time.monotonic()
-        assert _NO_NETWORK in _fails(robot / f"{name}.yaml")
-        longest_s = max(longest_s, time.monotonic() - began_s)
+    with _manager(robot, monkeypatch) as manager:
+        for _ in range(count):
+            began_s = time.monotonic()
+            assert _NO_NETWORK in _fails(robot / f"{name}.yaml")
+            longest_s = max(longest_s, time.monotonic() - began_s)
+            assert manager.recv(64) == b"STOPPING=1"  # and no READY=1 before it
     record(42, starts=count, longest_s=round(longest_s, 1))
 
 
@@ -179,17 +191,11 @@ def test_a_signal_ends_a_service_whose_loop_stands_still(robot: Path) -> None:
 
 
 def test_ready_is_said_when_everything_is_open(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(robot / "notify.sock"))
-        manager.settimeout(_START_S)
-        monkeypatch.setenv("NOTIFY_SOCKET", str(robot / "notify.sock"))
-        _fails(robot / "uav.yaml")
-        assert manager.recv(64) == b"STOPPING=1"  # and no READY=1 before it
-        with _start(_on_loopback(robot / "uav.yaml")) as process:
-            assert manager.recv(64) == b"READY=1"
-            with socket.socket(socket.AF_UNIX) as asking:
-                asking.connect(str(robot / "control.sock"))
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link, pytest.raises(OSError, match="in use"):
-                link.bind(("127.255.255.255", 17650))
-            process.terminate()
-            process.communicate(timeout=_START_S)
+    with _manager(robot, monkeypatch) as manager, _start(_on_loopback(robot / "uav.yaml")) as process:
+        assert manager.recv(64) == b"READY=1"
+        with socket.socket(socket.AF_UNIX) as asking:
+            asking.connect(str(robot / "control.sock"))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link, pytest.raises(OSError, match="in use"):
+            link.bind(("127.255.255.255", 17650))
+        process.terminate()
+        process.communicate(timeout=_START_S)

@@ -18,7 +18,7 @@ from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiError, CsiRecord
 from tests.csi_records import log_of, parsed, record, same
 from tests.mutation import mutant
 
-MUTANTS = 20_000
+MUTANTS = 8_000
 
 
 @st.composite
