@@ -81,21 +81,32 @@ _FLIGHTS: Final = (
 """Those that take longest, in lanes of about the same length; all others of tests/sitl share one more."""
 
 
+_COMPUTING: Final = (
+    "tests/property", "tests/golden", "tests/faults", "tests/unit/wsr",
+    *(f"tests/unit/companion/{room}" for room in ("guidance", "flight", "sensing", "study")),
+)  # fmt: skip
+"""About half of what computes; the other half of tests/unit has a lane of its own. Two lanes and not the workers of
+one, who would all read all modules, and take three milliseconds of processor to tell of a test."""
+
+
+def _computing(name: str, *words: str) -> Lane:
+    # A thread each: where there are more of BLAS than cores, they spin for each other.
+    return _again_alone(name, (*_NICE, *_PYTEST, *words), ONE_THREAD | _KEPT)
+
+
 def lanes() -> list[Lane]:
     """Those that take longest first, of those that begin together."""
     named = {path for _, *paths in _FLIGHTS for path in paths}
     sitl = _ROOT / "tests" / "sitl"
     # A folder shares its fixtures, so it is one.
     every = {path.relative_to(sitl).parts[0] for path in sitl.rglob("test_*.py")}
-    computing = ("tests/unit", "tests/property", "tests/golden", "tests/faults")
     return [
         Lane(_KERNELS, (sys.executable, "-m", "companion.sensing.worker", "robust")),
         Lane("checks", (*_NICE, "make", "--silent", "check")),
         *(_real_time(*lane) for lane in _FLIGHTS),
         _real_time("edges", *sorted(every - named)),
-        # A thread for each worker: where there are more of BLAS than cores, they spin for each other. A worker for
-        # each core: a third would read all test modules once more, and whenever one waits other lanes compute.
-        _again_alone("computing", (*_NICE, *_PYTEST, "-n", "2", "--dist", "worksteal", *computing), ONE_THREAD | _KEPT),
+        _computing("computing", *_COMPUTING),
+        _computing("units", "tests/unit", *(f"--ignore={path}" for path in _COMPUTING)),
     ]
 
 

@@ -33,6 +33,23 @@ def test_every_module_of_real_time_is_in_one_lane() -> None:
     assert all(path.exists() for path in words)
 
 
+def test_every_module_that_computes_is_in_one_lane() -> None:
+    computing, units = (
+        [ROOT / word for word in lane.command if word.startswith("tests/")]
+        for lane in suite.lanes()
+        if lane.name in ("computing", "units")
+    )
+    ignored = [
+        ROOT / word.removeprefix("--ignore=") for lane in suite.lanes() for word in lane.command if "ignore" in word
+    ]
+    assert [path for path in ignored if path.is_relative_to(ROOT / "tests/unit")] != [] and set(ignored) == set(
+        computing
+    )
+    assert all(path.exists() for path in (*computing, *units))
+    rooms = {path.relative_to(ROOT / "tests").parts[0] for path in (ROOT / "tests").rglob("test_*.py")}
+    assert {path.relative_to(ROOT / "tests").parts[0] for path in (*computing, *units)} | {"sitl"} == rooms | {"unit"}
+
+
 def test_all_lanes_run_and_one_that_fails_fails_all(capsys: pytest.CaptureFixture[str]) -> None:
     good, bad = _python("good", "print('said by one')"), _python("bad", "print('by the other'); raise SystemExit(3)")
     assert suite.run([bad, good]) == 1
