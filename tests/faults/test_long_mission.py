@@ -207,8 +207,7 @@ class _Service:
     def close(self) -> None:
         self.recorder.close()
         for node in (self.node, self.beacon):
-            node._pose_source.close()
-            node._source.close()
+            node.close()
 
     async def tick(self) -> None:
         for _ in range(_POSES_PER_TICK):

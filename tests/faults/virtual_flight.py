@@ -90,8 +90,7 @@ class VirtualFlight:
     def close(self) -> None:
         self.recorder.close()
         for node in (self.uav.node, self.beacon):
-            node._pose_source.close()
-            node._source.close()
+            node.close()
 
     async def engage(self) -> str:
         """The answer; time goes on while parameters are read."""
