@@ -37,15 +37,16 @@ def unpack(payload: npt.NDArray[np.uint8], n_rx: int, n_tx: int) -> npt.NDArray[
     )
 
 
-def pack(csi: npt.NDArray[np.complex64]) -> bytes:
-    """Inverse of `unpack` for one int8-valued (30, n_rx, n_tx) array in payload row order; padding bits are zero."""
-    n_rx, n_tx = csi.shape[1:]
+def pack(csi: npt.NDArray[np.complex64]) -> list[bytes]:
+    """Inverse of `unpack` for int8-valued (N, 30, n_rx, n_tx) in payload row order; padding bits are zero."""
+    count, _, n_rx, n_tx = csi.shape
     values = np.ascontiguousarray(csi).view(np.float32).astype(np.int8).view(np.uint8)
-    padded = np.zeros((SUBCARRIERS, _PADDING_BITS + 16 * n_rx * n_tx), np.uint8)
-    padded[:, _PADDING_BITS:] = np.unpackbits(values.reshape(SUBCARRIERS, -1), axis=1, bitorder="little")
-    packed = np.packbits(padded.reshape(-1), bitorder="little").tobytes()
-    assert len(packed) == payload_bytes(n_rx, n_tx)
-    return packed
+    bits = np.unpackbits(values.reshape(count, SUBCARRIERS, -1), axis=2, bitorder="little")
+    padded = np.zeros((count, SUBCARRIERS, _PADDING_BITS + 16 * n_rx * n_tx), np.uint8)
+    padded[:, :, _PADDING_BITS:] = bits
+    packed = np.packbits(padded.reshape(count, -1), axis=1, bitorder="little")
+    assert packed.shape[1] == payload_bytes(n_rx, n_tx)
+    return [row.tobytes() for row in packed]
 
 
 @lru_cache(maxsize=16)

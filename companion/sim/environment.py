@@ -19,6 +19,8 @@ from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.records import CsiRecord
 
 _TRUTH_PERIOD_S: Final = 0.05
+_RADIO_PERIOD_S: Final = 0.04
+"""Packets are made together: so many at once cost little more than one."""
 _HOLD_AFTER_S: Final = 0.25
 """The world waits this long for a late vehicle state; then the vehicle stands still where it was last."""
 
@@ -52,6 +54,7 @@ class World:
         self._radio: RadioLink | AxRadioLink | None = None
         self._newest: truth.VehicleTruth | None = None
         self._until_s = 0.0
+        self._heard_s = 0.0
         self._next_truth_s = 0.0
 
     def hear(self, vehicle: truth.VehicleTruth) -> None:
@@ -72,10 +75,14 @@ class World:
             return None
         self._until_s = until_s
         # Exchanges wait until their answer's time has come, so some of the slot before are made in this one.
-        since_s = from_s - 2 / self._scenario.radio.exchange_rate_hz
+        since_s = self._heard_s - 2 / self._scenario.radio.exchange_rate_hz
         uav = self._track.trajectory(since_s, until_s)
         beacon = self._drive.trajectory(since_s, until_s)
-        csi_uav, csi_beacon = self._radio.advance(until_s, uav, beacon)
+        csi_uav: list[CsiRecord] | list[FeitRecord] = []
+        csi_beacon: list[CsiRecord] | list[FeitRecord] = []
+        if until_s - self._heard_s >= _RADIO_PERIOD_S:
+            csi_uav, csi_beacon = self._radio.advance(until_s, uav, beacon)
+            self._heard_s = until_s
         poses_uav = self._camera_uav.poses(until_s, uav, self._start_ns)
         poses_beacon = self._camera_beacon.poses(until_s, beacon, self._start_ns)
         return Sample(csi_uav, csi_beacon, poses_uav, poses_beacon, self._truth(until_s, uav, beacon))

@@ -25,16 +25,17 @@ from companion.pose import wire
 from companion.sim import truth
 from companion.sim.environment import Sample, World
 from companion.sim.scenario import CsiEndpoint, Scenario, load_scenario
-from csi_bridge.encoder import encode_body
+from csi_bridge.encoder import encode_bodies
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.netlink import VendorEventFeeder
 from csi_bridge.feitcsi.records import FEITCSI_CODE, FeitRecord
 from csi_bridge.netlink import NetlinkError, NetlinkFeeder
-from csi_bridge.records import CSI_CODE
+from csi_bridge.records import CSI_CODE, CsiRecord
 from csi_bridge.unix_socket import UnixFeeder
 
-_TICK_NS: Final = 15_000_000
-"""Records and poses come at most this late, which their own time stamps show; shorter ticks cost more of a core."""
+_TICK_NS: Final = 25_000_000
+"""Poses come at most this late and records two ticks, which their own time stamps show. The services look as often;
+what a tick costs is being woken, not what it makes."""
 _DATAGRAM_BYTES: Final = 4096
 
 
@@ -72,11 +73,8 @@ class _Sockets:
 
     def send(self, sample: Sample) -> None:
         for feeder, records in ((self._feed_uav, sample.csi_uav), (self._feed_beacon, sample.csi_beacon)):
-            for record in records:
-                if isinstance(record, FeitRecord):
-                    feeder.send(FEITCSI_CODE, encode_record(record))
-                else:
-                    feeder.send(CSI_CODE, encode_body(record))
+            for code, body in _encoded(records):
+                feeder.send(code, body)
         for robot, poses in (
             (self._scenario.uav, sample.poses_uav),
             (self._scenario.beacon, sample.poses_beacon),
@@ -96,6 +94,14 @@ class _Sockets:
             self._out.sendto(datagram, path)
         except (BlockingIOError, ConnectionRefusedError, FileNotFoundError):
             return  # as with hardware: what nobody reads is lost
+
+
+def _encoded(records: list[CsiRecord] | list[FeitRecord]) -> list[tuple[int, bytes]]:
+    """Codes and bodies, as the card's driver would send them."""
+    ours = [record for record in records if isinstance(record, CsiRecord)]
+    return [(CSI_CODE, body) for body in encode_bodies(ours)] + [
+        (FEITCSI_CODE, encode_record(record)) for record in records if isinstance(record, FeitRecord)
+    ]
 
 
 class _Stop:

@@ -233,7 +233,8 @@ class Runner:
             if now_ns >= tick_ns:
                 tick_ns = max(tick_ns + self._period_ns, now_ns - 5 * self._period_ns)
                 telemetry = self._px4.step(now_ns)
-                self._send(telemetry)
+                # What is due together goes out together: a datagram costs each end more than what it holds.
+                self._send([b"".join(telemetry)] if telemetry else [])
                 self._send_to_ground([*telemetry, *self._px4.link.take_handed_on()])
             if now_ns >= truth_ns:
                 truth_ns = max(truth_ns + _TRUTH_PERIOD_NS, now_ns)
@@ -342,7 +343,7 @@ def _parameters(context: click.Context, parameter: click.Parameter, values: tupl
 @click.option("--ground", callback=_address, metavar="HOST:PORT", help="a ground station's UDP port: its second link")
 @click.option("--truth", "truth_path", type=click.Path(path_type=Path), help="unix datagram socket of the world")
 @click.option("--control", type=click.Path(path_type=Path), help="unix datagram socket to take a test's orders on")
-@click.option("--rate", default=250.0, show_default=True, help="steps per second")
+@click.option("--rate", default=100.0, show_default=True, help="steps per second")
 @click.option("--seed", type=int, help="gusts and estimator error; without it the air is still")
 @click.option("--yaw", "yaw_enu_rad", default=0.0, help="start yaw, counter-clockwise from East [rad]")
 @click.option("--system-id", default=1, show_default=True, help="the vehicle's MAVLink system id")

@@ -120,15 +120,17 @@ class Streams:
             self._mav.send(self._encoders[name]())
 
     def _speaks(self, name: str) -> bool:
-        estimator = self._commander.estimator
-        said = {
-            "RC_CHANNELS": bool(self.rc_us),
-            "HEARTBEAT": self.has_heartbeats,
-            "GPS_RAW_INT": estimator.uses_gps,
-            "GLOBAL_POSITION_INT": estimator.has_global_position,
-            "HOME_POSITION": estimator.has_global_position,
-        }
-        return said.get(name, True)
+        match name:
+            case "HEARTBEAT":
+                return self.has_heartbeats
+            case "RC_CHANNELS":
+                return bool(self.rc_us)
+            case "GPS_RAW_INT":
+                return self._commander.estimator.uses_gps
+            case "GLOBAL_POSITION_INT" | "HOME_POSITION":
+                return self._commander.estimator.has_global_position
+            case _:
+                return True
 
     def _watch_status(self) -> None:
         status = (self._commander.mode, self._commander.intention, self._commander.armed, self._commander.failsafe)

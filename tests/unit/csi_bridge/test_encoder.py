@@ -11,7 +11,7 @@ import pytest
 
 from csi_bridge.dat import read_dat
 from csi_bridge.dat_frames import content, offsets, sound_frames
-from csi_bridge.encoder import EncodeError, encode_body, encode_file_record
+from csi_bridge.encoder import EncodeError, encode_bodies, encode_body, encode_file_record
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord
 from tests.csi_records import log_of, needs_data, record, same
@@ -42,6 +42,18 @@ def test_reads_what_the_encoder_wrote() -> None:
 def test_encoder_refuses_what_no_card_reports(change: dict[str, object], reason: str) -> None:
     with pytest.raises(EncodeError, match=reason):
         encode_body(replace(record(), **change))  # type: ignore[arg-type]
+
+
+def test_records_written_together_are_those_written_one_by_one() -> None:
+    records = [replace(record(layout=layout), antenna_sel=sel) for layout, sel in ((20, 0b10_01_00), (38, 0b01_10_00))]
+    assert encode_bodies(records) == [encode_body(one) for one in records]
+    assert encode_bodies([]) == []
+    fewer = replace(records[0], n_rx=2, csi=records[0].csi[:, :2])
+    with pytest.raises(EncodeError, match="encode them apart"):
+        encode_bodies([*records, fewer])
+    whole, broken = records[0], replace(records[1], csi=records[1].csi + np.complex64(0.5))
+    with pytest.raises(EncodeError, match="whole numbers"):
+        encode_bodies([whole, broken])
 
 
 REAL = (
