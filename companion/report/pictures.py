@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from companion.analysis.exchanges import PacketTimes
@@ -23,6 +24,8 @@ from companion.report.content import FlightContent
 _DPI: Final = 90
 _BEARING_M: Final = 1.6
 _COLUMNS: Final = 4
+_TILE_DEG: Final = (400.0, 235.0)
+"""From one to the next, across and down."""
 _STEP_S: Final = 60.0
 """Nobody is silent for so long in a recording: the clock was set."""
 
@@ -68,22 +71,34 @@ def profiles(
     rows = max(1, math.ceil(len(tiles) / _COLUMNS))
     figure = Figure(figsize=(11, 2.1 * rows + 0.5), layout="constrained")
     FigureCanvasAgg(figure)
+    # One pair of axes for all: a pair for each, with ticks and a layout of their own, takes seconds.
+    axes = figure.add_subplot()
+    frames = []
     for index, (title, power, (azimuth, polar), truth) in enumerate(tiles):
-        axes = figure.add_subplot(rows, _COLUMNS, index + 1)
-        extent = (-180.0, 180.0, -90.0, 90.0)
+        row, column = divmod(index, _COLUMNS)
+        x, y = column * _TILE_DEG[0], -row * _TILE_DEG[1]
+        extent = (x - 180.0, x + 180.0, y - 90.0, y + 90.0)
         axes.imshow(power / max(float(power.max()), 1e-30), cmap="gray_r", vmin=0, vmax=1, extent=extent, aspect="auto")
+        axes.text(x, y + 94.0, title, fontsize=8, ha="center", va="bottom")
+        frames.append([(extent[side], extent[end]) for side, end in ((0, 2), (1, 2), (1, 3), (0, 3), (0, 2))])
         if polar is None:
-            axes.axvline(math.degrees(azimuth), color="black", linestyle="--", linewidth=0.8)
+            axes.plot([x + math.degrees(azimuth)] * 2, extent[2:], color="black", linestyle="--", linewidth=0.8)
         else:
             # A ring around the peak, wide enough to see the peak and the truth in it.
-            axes.plot(math.degrees(azimuth), elevation_deg(polar), "ko", markersize=15, fillstyle="none")
+            axes.plot(x + math.degrees(azimuth), y + elevation_deg(polar), "ko", markersize=15, fillstyle="none")
         if truth is not None:
-            place = math.degrees(truth[0]), elevation_deg(truth[1])
+            place = x + math.degrees(truth[0]), y + elevation_deg(truth[1])
             axes.plot(*place, "wx", markersize=6, markeredgewidth=2.5)
             axes.plot(*place, "kx", markersize=6, markeredgewidth=1.0)
-        axes.set_title(title, fontsize=8)
-        axes.set(xticks=(-180, -90, 0, 90, 180), yticks=(-90, 0, 90))
-        axes.tick_params(labelsize=6)
+    axes.add_collection(LineCollection(frames, colors="black", linewidths=0.8))
+    columns = range(min(len(tiles), _COLUMNS))
+    across = up = -90, 0, 90
+    axes.set_xticks([c * _TILE_DEG[0] + a for c in columns for a in across], [str(a) for _ in columns for a in across])
+    axes.set_yticks([-r * _TILE_DEG[1] + u for r in range(rows) for u in up], [str(u) for _ in range(rows) for u in up])
+    axes.set(xlim=(-190.0, (len(columns) - 1) * _TILE_DEG[0] + 190.0))
+    axes.set(ylim=(-(rows - 1) * _TILE_DEG[1] - 100.0, 130.0))
+    axes.tick_params(labelsize=6)
+    axes.spines[:].set_visible(False)
     return _png(figure)
 
 
