@@ -101,8 +101,8 @@ class AxRadioLink(CardPair[FeitRecord]):
                 csi=csi[i, :, :, None],
                 header=bytes(HEADER_BYTES),
             )
-            for i, luck in enumerate(draws.uniforms[:, 3 + side].tolist())
-            if luck >= self._scenario.radio.loss_probability
+            for i, is_lost in enumerate(self._is_lost(draws, side).tolist())
+            if not is_lost
         ]
 
 

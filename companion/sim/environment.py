@@ -19,18 +19,19 @@ from csi_bridge.feitcsi.records import FeitRecord
 from csi_bridge.records import CsiRecord
 
 _TRUTH_PERIOD_S: Final = 0.05
-_RADIO_PERIOD_S: Final = 0.04
-"""Packets are made together: so many at once cost little more than one."""
 _HOLD_AFTER_S: Final = 0.25
 """The world waits this long for a late vehicle state; then the vehicle stands still where it was last."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
     """What came into being in one step of the world, in the order of time."""
 
     csi_uav: list[CsiRecord] | list[FeitRecord]
+    csi_uav_ns: list[int]
+    """When each was received; all times are of the host's monotonic clock."""
     csi_beacon: list[CsiRecord] | list[FeitRecord]
+    csi_beacon_ns: list[int]
     poses_uav: list[wire.RawPose]
     poses_beacon: list[wire.RawPose]
     world: truth.WorldTruth | None
@@ -54,7 +55,6 @@ class World:
         self._radio: RadioLink | AxRadioLink | None = None
         self._newest: truth.VehicleTruth | None = None
         self._until_s = 0.0
-        self._heard_s = 0.0
         self._next_truth_s = 0.0
 
     def hear(self, vehicle: truth.VehicleTruth) -> None:
@@ -66,8 +66,13 @@ class World:
         self._newest = vehicle
         self._track.append(self._seconds(vehicle.t_mono_ns + self._lag_ns), vehicle.p_enu_m, vehicle.yaw_enu_rad)
 
+    def is_known(self, now_ns: int) -> bool:
+        """Whether what happens until `now_ns` has been given out."""
+        return self._start_ns is not None and self._seconds(now_ns) < self._until_s
+
     def advance(self, now_ns: int) -> Sample | None:
-        """Lives on until `now_ns` (or as far as the vehicle is known); None when there is nothing new."""
+        """Lives on as far as the vehicle is known, which is the lag of the scenario ahead of its newest state, or until
+        `now_ns` where it has fallen silent; None when there is nothing new."""
         if self._start_ns is None or self._radio is None or self._track.newest_s is None:
             return None
         from_s, until_s = self._until_s, self._horizon(self._seconds(now_ns), self._track.newest_s)
@@ -75,24 +80,31 @@ class World:
             return None
         self._until_s = until_s
         # Exchanges wait until their answer's time has come, so some of the slot before are made in this one.
-        since_s = self._heard_s - 2 / self._scenario.radio.exchange_rate_hz
+        since_s = from_s - 2 / self._scenario.radio.exchange_rate_hz
         uav = self._track.trajectory(since_s, until_s)
         beacon = self._drive.trajectory(since_s, until_s)
-        csi_uav: list[CsiRecord] | list[FeitRecord] = []
-        csi_beacon: list[CsiRecord] | list[FeitRecord] = []
-        if until_s - self._heard_s >= _RADIO_PERIOD_S:
-            csi_uav, csi_beacon = self._radio.advance(until_s, uav, beacon)
-            self._heard_s = until_s
+        csi_uav, csi_beacon = self._radio.advance(until_s, uav, beacon)
         poses_uav = self._camera_uav.poses(until_s, uav, self._start_ns)
         poses_beacon = self._camera_beacon.poses(until_s, beacon, self._start_ns)
-        return Sample(csi_uav, csi_beacon, poses_uav, poses_beacon, self._truth(until_s, uav, beacon))
+        uav_ns, beacon_ns = (
+            (self._start_ns + np.rint(t_s * 1e9).astype(np.int64)).tolist() for t_s in self._radio.heard_s
+        )
+        return Sample(
+            csi_uav=csi_uav,
+            csi_uav_ns=uav_ns,
+            csi_beacon=csi_beacon,
+            csi_beacon_ns=beacon_ns,
+            poses_uav=poses_uav,
+            poses_beacon=poses_beacon,
+            world=self._truth(until_s, uav, beacon),
+        )
 
     def _seconds(self, t_mono_ns: int) -> float:
         assert self._start_ns is not None
         return (t_mono_ns - self._start_ns) * 1e-9
 
     def _horizon(self, now_s: float, newest_s: float) -> float:
-        return min(now_s, newest_s) if now_s - newest_s < _HOLD_AFTER_S else now_s
+        return newest_s if now_s - newest_s < _HOLD_AFTER_S else now_s
 
     def _truth(self, t_s: float, uav: Trajectory, beacon: Trajectory) -> truth.WorldTruth | None:
         """At 20 Hz; the beacon's drive is decided here as well."""

@@ -94,6 +94,8 @@ class CardPair(ABC, Generic[R]):
             carrier_hz(scenario.radio.channel) * (scenario.uav.oscillator_ppm - scenario.beacon.oscillator_ppm) * 1e-6
         )
         self._next = 1
+        self.heard_s: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+        """When the records of the newest `advance` were received (at the UAV, at the beacon)."""
         phases = (
             self._uav.transmit_phase * self._beacon.gains,
             self._beacon.transmit_phase * self._uav.gains,
@@ -115,13 +117,19 @@ class CardPair(ABC, Generic[R]):
         rate_hz = radio.exchange_rate_hz
         count = math.floor((until_s - _LATEST_ANSWER_S[radio.card]) * rate_hz - _PING_JITTER) - self._next + 1
         if count <= 0:
+            self.heard_s = np.zeros(0), np.zeros(0)
             return [], []
         first, self._next = self._next, self._next + count
         draws = exchange_draws(self._scenario.seed, first, count)
         t_s = exchange_times(self._scenario, np.arange(first, first + count), draws)
         signal = self._signal(t_s, uav, beacon, draws, self._noise(first, count, draws))
         at_beacon, at_uav = (self._hear(side, first, t_s[side], signal[side], draws) for side in (0, 1))
+        self.heard_s = t_s[1][~self._is_lost(draws, 1)], t_s[0][~self._is_lost(draws, 0)]
         return at_uav, at_beacon
+
+    def _is_lost(self, draws: ExchangeDraws, side: int) -> npt.NDArray[np.bool_]:
+        """Of each exchange, whether the card on this side missed its packet."""
+        return np.asarray(draws.uniforms[:, 3 + side] < self._scenario.radio.loss_probability)
 
     def skip_to(self, from_s: float) -> None:
         """Leaves out the exchanges before `from_s`."""
@@ -200,8 +208,8 @@ class RadioLink(CardPair[CsiRecord]):
         host_us = np.rint(host_s * 1e6).astype(np.int64).tolist()
         selection = draws.uniforms[:, 5 + side].tolist()
         records = []
-        for i, luck in enumerate(draws.uniforms[:, 3 + side].tolist()):
-            if luck < self._scenario.radio.loss_probability:
+        for i, is_lost in enumerate(self._is_lost(draws, side).tolist()):
+            if is_lost:
                 continue
             self._counts[side] = (self._counts[side] + 1) & 0xFFFF
             records.append(
