@@ -118,6 +118,7 @@ class Flying:
 
     async def fly(self, *states: str) -> None:
         """Have the vehicle flown by the service, in one of `states` (any state in OFFBOARD when none is given)."""
+        await self._run()
         state = (await self.until(lambda status: True))["state"]
         if state not in IN_OFFBOARD:
             await self.px4("offboard accept")
@@ -137,6 +138,7 @@ class Flying:
 
     async def stand(self) -> None:
         """Have the vehicle stand disarmed on the ground, and the service at rest."""
+        await self._run()
         if (await self.until(lambda status: True))["state"] not in ("idle", "latched"):
             await self.let_go()
         if not (await self.px4()).landed:
@@ -144,6 +146,16 @@ class Flying:
         while (await self.px4()).armed:  # noqa: ASYNC110 - it is polled
             await asyncio.sleep(0.1)
         await self.px4("pilot HOLD")
+
+    async def _run(self) -> None:
+        """A test may have left it ended."""
+        if self.has_ended:
+            await self.restart()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the service has."""
+        return self.cast.ended().startswith("uav ")
 
     async def restart(self) -> None:
         """Start the service again, after it has ended."""

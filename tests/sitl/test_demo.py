@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 import signal
 import subprocess
@@ -23,6 +24,8 @@ from tests.sitl.topics import SERVICE_TOPICS
 from tests.sitl.watching import listen, until
 
 SEED = 3
+WHOLE_M = 1.2
+"""aperture.length_m of configs/demo-uav.yaml."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +54,8 @@ def test_the_drone_reaches_the_ground_robot(finished: tuple[subprocess.Completed
     for row in result["rows"]:
         assert 0.4 < row["length_m"] < 2.5  # the first are shorter
         assert row["packets"] > 80
-        assert 0 < row["crb_deg"] < 5
+        # The bound falls with the length and with the root of the packets: as of a whole aperture with 300 of them.
+        assert 0 < row["crb_deg"] * row["length_m"] / WHOLE_M * math.sqrt(row["packets"] / 300) < 5
 
 
 def test_set_points_came_at_20_hertz_and_only_for_offboard(
@@ -103,6 +107,7 @@ def test_the_report_of_the_flight_knows_its_errors(
     assert shown == pytest.approx([row["error_deg"] for row in result["rows"] if row["error_deg"] is not None])
 
 
+@pytest.mark.long
 def test_a_time_limit_ends_it_without_success(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "companion", "demo", "--max-time", "2", "--out", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
@@ -111,8 +116,10 @@ def test_a_time_limit_ends_it_without_success(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 async def test_after_kill_9_no_set_point_comes_and_no_process_stays(tmp_path: Path) -> None:
-    """Over the Unix socket, so that both transports are flown by this file where netlink is permitted."""
+    """Fault 2 once more, of `companion run` itself; over the Unix socket, so that both transports are flown by this
+    file where netlink is permitted."""
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), tmp_path, SEED, use_netlink=False)
         truths: list[WorldTruth] = []

@@ -17,7 +17,15 @@ from tests.sitl.flying import Flying
 pytestmark = pytest.mark.asyncio(loop_scope="package")
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGSTOP,
+        # That one which dies is replaced is checked without a flight, in test_worker_process.py.
+        pytest.param(signal.SIGKILL, marks=pytest.mark.long),
+    ],
+    ids=lambda number: number.name,
+)
 async def test_fault_06_a_worker_that_hangs_or_dies_is_replaced(flying: Flying, number: signal.Signals) -> None:
     await flying.fly("approaching")
     await flying.until(lambda status: status["state"] == "approaching" and not status["bearing_stale"])

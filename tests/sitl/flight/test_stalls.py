@@ -79,7 +79,7 @@ async def test_fault_05_the_stream_keeps_its_rate_under_load(flying: Flying) -> 
     with _burners(2 * (os.cpu_count() or 1)):
         await asyncio.sleep(1.0)
         first = before = await flying.px4("forget gaps")
-        for _ in range(runs(6, 30)):
+        for _ in range(runs(4, 30)):
             await asyncio.sleep(1.0)
             now = await flying.px4()
             sent = now.setpoints_in_offboard - before.setpoints_in_offboard
