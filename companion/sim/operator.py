@@ -47,7 +47,7 @@ async def engage(control: Path, timeout_s: float, look: Look | None = None) -> N
 
 
 async def _status(control: Path) -> dict[str, Any] | None:
-    await asyncio.sleep(0.05)
+    await asyncio.sleep(0.1)
     try:
         return await ask(control, "status")
     except CompanionError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import AsyncIterator
+from contextlib import nullcontext
 
 import pytest
 import pytest_asyncio
@@ -21,13 +22,15 @@ async def flying(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
         probe.bind(("127.0.0.1", 0))
         other.bind(("127.0.0.1", 0))
         page = PageConfig(enabled=True, port=probe.getsockname()[1])
-        # Team, TAK and the live server cost the flight processor; the flights that are about them are long tests.
+        # Team, TAK, the live server and a ground station cost the flight processor; the flights that are about them are
+        # long tests.
         beside = request.config.getoption("markexpr") != "not long"
         live = FoxgloveConfig(enabled=beside, port=other.getsockname()[1])
     folder = tmp_path_factory.mktemp("flight")
-    with GroundLink() as ground:
+    with GroundLink() if beside else nullcontext() as ground:
+        options = () if ground is None else ground.options
         async with running(
-            folder, autopilot=autopilot, page=page, px4_options=ground.options, foxglove=live, beside=beside
+            folder, autopilot=autopilot, page=page, px4_options=options, foxglove=live, beside=beside
         ) as started:
             started.ground = ground
             yield started
