@@ -26,6 +26,13 @@ def root() -> Iterator[CleanRoot]:
         yield opened
 
 
+@pytest.fixture(scope="module")
+def installed() -> Iterator[tuple[CleanRoot, str]]:
+    """1.0 of a uav, which an installation takes seconds for, and what was said; whoever changes it changes it back."""
+    with clean_root() as opened:
+        yield opened, opened.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
+
+
 def _modes(root: CleanRoot, *paths: str) -> list[str]:
     return root.run(f"stat -c '%A %U %G %n' {' '.join(paths)}").splitlines()
 
@@ -95,9 +102,9 @@ def test_a_beacon_has_its_own_key_and_a_wrong_configuration_is_told(root: CleanR
     root.run("grep CAP_NET_RAW /etc/systemd/system/companion-beacon.service.d/10-configuration.conf")
 
 
-def test_nothing_is_changed_in_flight(root: CleanRoot) -> None:
+def test_nothing_is_changed_in_flight(installed: tuple[CleanRoot, str]) -> None:
     """A system that says it runs the service, and a service that says it flies."""
-    root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
+    root = installed[0]
     root.run("mkdir -p /run/systemd/system; printf '#!/bin/sh\\nexit 0\\n' > /usr/local/sbin/systemctl")
     root.run(
         'mv /opt/companion/1.0/bin/companion /kept; printf \'#!/bin/sh\\necho "{\\\\"armed\\\\": true}"\\n\' > /flying'
@@ -107,13 +114,16 @@ def test_nothing_is_changed_in_flight(root: CleanRoot) -> None:
         expected = 1
         said = root.run(f"companion-setup {action}", code=expected)
         assert "land and disarm it first" in said or action == "rollback"
+    root.run("mv /kept /opt/companion/1.0/bin/companion && rm -r /run/systemd/system /usr/local/sbin/systemctl")
 
 
-def test_an_interpreter_that_only_root_can_run_is_told(root: CleanRoot) -> None:
-    assert "cannot run" not in root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav")
+def test_an_interpreter_that_only_root_can_run_is_told(installed: tuple[CleanRoot, str]) -> None:
+    root, said = installed
+    assert "cannot run" not in said
     root.run("mkdir /opt/companion/1.0/t265 && cp -a /opt/companion/1.0/bin /opt/companion/1.0/t265/")
     root.run("chmod go= /opt/companion/1.0/t265")
     assert "cannot run /opt/companion/current/t265/bin/python" in root.run("companion-setup activate 1.0")
+    root.run("rm -r /opt/companion/1.0/t265")
 
 
 def test_a_version_is_a_releases_or_a_commits(root: CleanRoot) -> None:
@@ -179,8 +189,9 @@ _AS_SERVICE = (
 """What companion.service gives its process, as far as it can be given without systemd."""
 
 
-def test_the_service_runs_as_its_user_and_the_group_may_ask(root: CleanRoot) -> None:
-    root.run(f"{_MAKE} install VERSION=1.0 ROLE=uav && companion keygen --owner companion /etc/companion/beacon.key")
+def test_the_service_runs_as_its_user_and_the_group_may_ask(installed: tuple[CleanRoot, str]) -> None:
+    root = installed[0]
+    root.run("companion keygen --owner companion /etc/companion/beacon.key")
     port, robots = free_udp_port("127.0.0.1"), free_udp_port("127.255.255.255")
     root.run(
         f"sed -i 's|192.168.1.255|127.255.255.255|; s|17650|{robots}|; s|serial:.*|udpin://127.0.0.1:{port}|' "
