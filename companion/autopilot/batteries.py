@@ -31,16 +31,14 @@ class Batteries:
         self._told[battery_id] = remaining, now_ns
 
     def now(self, now_ns: int) -> Charge:
-        known = [
-            (remaining, t_ns)
-            for remaining, t_ns in self._told.values()
-            if remaining is not None and now_ns - t_ns < _FRESH_NS
-        ]
-        unknown = sorted(
-            battery_id
-            for battery_id, (remaining, t_ns) in self._told.items()
-            if remaining is None or now_ns - t_ns >= _FRESH_NS
-        )
-        if known:
-            return Charge(*min(known), tuple(unknown))
+        lowest: tuple[float, int] | None = None
+        unknown = []
+        for battery_id, (remaining, t_ns) in self._told.items():
+            if remaining is None or now_ns - t_ns >= _FRESH_NS:
+                unknown.append(battery_id)
+            elif lowest is None or (remaining, t_ns) < lowest:
+                lowest = remaining, t_ns
+        unknown.sort()
+        if lowest is not None:
+            return Charge(*lowest, tuple(unknown))
         return Charge(None, max((t_ns for _, t_ns in self._told.values()), default=None), tuple(unknown))

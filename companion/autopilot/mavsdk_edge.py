@@ -353,14 +353,9 @@ class MavsdkAutopilot:
         elif due and not self._telemetry.told("firmware"):
             self._asked_ns = now_ns
             self._send_command(_CMD_REQUEST_MESSAGE, (_AUTOPILOT_VERSION,))
-        elif due and self._fails_silently():
+        elif due and self._telemetry.fails_silently():  # before we listened; asked, it says why again
             self._asked_ns = now_ns
             self._send_command(_CMD_RUN_PREARM_CHECKS, ())
-
-    def _fails_silently(self) -> bool:
-        """It cannot arm, and has said why before we listened: asked, it says so again."""
-        state = self.state()
-        return state.can_arm is False and not state.arming_reasons and not state.armed
 
     def _heartbeat_age_s(self) -> float:
         return age_s(self._telemetry.told("heartbeat_mono_ns"), self._clock.now_ns())

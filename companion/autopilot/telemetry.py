@@ -139,8 +139,9 @@ class Telemetry:
             now_ns, clock = self._now_ns(), self._vehicle_clock
             charge = self._batteries.now(now_ns)
             can_arm = self._arming.passed(self._known.get("firmware", ""), now_ns)
+            outdated = self._outdated(now_ns)
             return VehicleState(
-                **(self._known | self._outdated(now_ns)),
+                **(self._known | outdated if outdated else self._known),
                 t_mono_ns=now_ns,
                 battery_remaining=charge.remaining,
                 battery_mono_ns=charge.mono_ns,
@@ -153,6 +154,13 @@ class Telemetry:
                 resets=self._resets.count,
                 p_reset_enu_m=self._resets.offset_enu_m,
             )
+
+    def fails_silently(self) -> bool:
+        """It cannot arm, and has not told why."""
+        with self._lock:
+            now_ns, known = self._now_ns(), self._known
+            can_arm = known.get("armed") or self._arming.passed(known.get("firmware", ""), now_ns)
+            return can_arm is False and not self._arming.reasons(known.get("mode"), now_ns)
 
     def _outdated(self, now_ns: int) -> Fields:
         """What has been told too long ago to be so still: a message may stop while heartbeats go on."""

@@ -62,7 +62,7 @@ class Course:
     def worst(self, conditions: Iterable[Event]) -> Event | None:
         """The worst that holds now or was reported. A report that has no meaning in this state is dropped; one that
         lost against a worse one waits, but for a person's wish, which must then be made again."""
-        event = table.worst(self._state, [*conditions, *self._reported])
+        event = table.worst(self._state, (*conditions, *self._reported))
         waiting = [] if event is None else self._reported
         self._reported = [one for one in waiting if one is not event and one not in _WISHES]
         return event

@@ -50,6 +50,6 @@ class LocalFrame:
         if before is None or t_ns <= before[0]:
             return
         dt_s = (t_ns - before[0]) / NS_PER_S
-        goes_on_m = [p + v * dt_s for p, v in zip(before[1], before[2], strict=True)]
-        if math.dist(p_m, goes_on_m) > _STEP_M + dt_s:
+        (x, y, z), (vx, vy, vz) = before[1:]
+        if math.dist(p_m, (x + vx * dt_s, y + vy * dt_s, z + vz * dt_s)) > _STEP_M + dt_s:
             self._stepped_ns = now_ns

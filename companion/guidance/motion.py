@@ -46,15 +46,18 @@ class Motion:
             self._step(wished_m_s, step_s)
 
     def _step(self, wished_m_s: Vector3, dt_s: float) -> None:
-        jerk = [
-            _RATE_PER_S**2 * (wished - v) - 2 * _RATE_PER_S * a
-            for wished, v, a in zip(wished_m_s, self.v_m_s, self._a_m_s2, strict=True)
-        ]
+        (wx, wy, wz), (vx, vy, vz), (ax, ay, az) = wished_m_s, self.v_m_s, self._a_m_s2
+        jerk = _jerk_m_s3(wx, vx, ax), _jerk_m_s3(wy, vy, ay), _jerk_m_s3(wz, vz, az)
         scale = dt_s * min(1.0, _MAX_JERK_M_S3 / max(math.hypot(*jerk), 1e-9))
-        a = self._a_m_s2[0] + scale * jerk[0], self._a_m_s2[1] + scale * jerk[1], self._a_m_s2[2] + scale * jerk[2]
+        a = ax + scale * jerk[0], ay + scale * jerk[1], az + scale * jerk[2]
         self._a_m_s2 = _scaled(a, min(1.0, self._max_acceleration_m_s2 / max(math.hypot(*a), 1e-9)))
         self.v_m_s = _sum(self.v_m_s, _scaled(self._a_m_s2, dt_s))
         self.p_m = _sum(self.p_m, _scaled(self.v_m_s, dt_s))
+
+
+def _jerk_m_s3(wished_m_s: float, v_m_s: float, a_m_s2: float) -> float:
+    """Of one axis, before its limit."""
+    return _RATE_PER_S**2 * (wished_m_s - v_m_s) - 2 * _RATE_PER_S * a_m_s2
 
 
 def _sum(a: Vector3, b: Vector3) -> Vector3:

@@ -71,13 +71,14 @@ def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
     """The velocity without what would take it too near to the fence, box and cylinder, or to the least height."""
     if limits.on_ground:
         v_m_s, p_m = (v_m_s[0], v_m_s[1], 0.0), (p_m[0], p_m[1], 0.0)
-    low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
-    own_v_m_s, own_p_m = limits.in_box_axes(v_m_s), limits.in_box_axes(p_m)
+    (low_x, low_y, low_z), (high_x, high_y, high_z) = limits.fence_min_m, limits.fence_max_m
+    (vx, vy, vz), (px, py, pz) = limits.in_box_axes(v_m_s), limits.in_box_axes(p_m)
     kept = (
-        max(_FENCE_PER_S * (a + _margin(a, b) - p), min(_FENCE_PER_S * (b - _margin(a, b) - p), v))
-        for v, p, a, b in zip(own_v_m_s, own_p_m, low, limits.fence_max_m, strict=True)
+        _kept_between(low_x, high_x, px, vx),
+        _kept_between(low_y, high_y, py, vy),
+        _kept_between(max(low_z, limits.min_height_m), high_z, pz, vz),
     )
-    x, y, z = limits.in_enu_axes((next(kept), next(kept), next(kept)))
+    x, y, z = limits.in_enu_axes(kept)
     out_m = math.hypot(p_m[0], p_m[1])
     if out_m > 1e-6:
         ux, uy = p_m[0] / out_m, p_m[1] / out_m
@@ -87,5 +88,7 @@ def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
     return x, y, 0.0 if limits.on_ground else z
 
 
-def _margin(low: float, high: float) -> float:
-    return min(_FENCE_MARGIN_M, (high - low) / 2)
+def _kept_between(low: float, high: float, p: float, v: float) -> float:
+    """The velocity along one axis of the box."""
+    margin = min(_FENCE_MARGIN_M, (high - low) / 2)
+    return max(_FENCE_PER_S * (low + margin - p), min(_FENCE_PER_S * (high - margin - p), v))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -93,22 +94,22 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
     try_again = (
         state is State.HOLDING and situation.in_state_s > _TRIES_AFTER_S and situation.tries <= limits.blind_legs
     )
-    holds = {
-        Event.LINK_LOST: link_lost,
-        Event.STALLED: max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S or situation.slept_s > SLEPT_S,
-        Event.MODE_LOST: in_flight
-        and situation.took_off
-        and vehicle.mode not in _expected_modes(state, situation, limits),
-        Event.POSE_LOST: engaged and (situation.pose_failed or situation.pose_age_s > limits.pose_lost_s),
-        Event.BATTERY_LOW: engaged and battery_low,
-        Event.LANDED: in_flight and situation.took_off and not vehicle.in_air,
-        Event.TIMEOUT: situation.in_state_s > _time_limit_s(state, limits),
-        Event.POSE_STALE: pose_stale,
-        Event.BEARING_STALE: silent or situation.blind_legs >= limits.blind_legs,
-        Event.BEARING_BACK: try_again and not silent and not pose_stale,
-        Event.TARGET_REACHED: situation.target_near,
-    }
-    return [event for event, is_so in holds.items() if is_so]
+    mode_lost = in_flight and situation.took_off and vehicle.mode not in _expected_modes(state, situation, limits)
+    stalled = max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S or situation.slept_s > SLEPT_S
+    holds = (
+        (Event.LINK_LOST, link_lost),
+        (Event.STALLED, stalled),
+        (Event.MODE_LOST, mode_lost),
+        (Event.POSE_LOST, engaged and (situation.pose_failed or situation.pose_age_s > limits.pose_lost_s)),
+        (Event.BATTERY_LOW, engaged and battery_low),
+        (Event.LANDED, in_flight and situation.took_off and not vehicle.in_air),
+        (Event.TIMEOUT, situation.in_state_s > _time_limit_s(state, limits)),
+        (Event.POSE_STALE, pose_stale),
+        (Event.BEARING_STALE, silent or situation.blind_legs >= limits.blind_legs),
+        (Event.BEARING_BACK, try_again and not silent and not pose_stale),
+        (Event.TARGET_REACHED, situation.target_near),
+    )
+    return [event for event, is_so in holds if is_so]
 
 
 def _expected_modes(state: State, situation: Situation, limits: ConditionLimits) -> frozenset[FlightMode]:
@@ -122,4 +123,4 @@ def _time_limit_s(state: State, limits: ConditionLimits) -> float:
         return limits.approach_s
     if state is State.HOLDING:
         return limits.hold_s
-    return _TIME_LIMITS_S.get(state, float("inf"))
+    return _TIME_LIMITS_S.get(state, math.inf)

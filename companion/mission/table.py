@@ -133,7 +133,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
 }
 """What is not listed keeps the state and asks for nothing."""
 
-_SEVERITY: Final = tuple(Event)
+_SEVERITY: Final = {event: rank for rank, event in enumerate(Event)}
 
 
 def step(state: State, event: Event) -> Step:
@@ -147,4 +147,4 @@ def worst(state: State, events: Iterable[Event]) -> Event | None:
     The others are dropped: a condition that lasts is raised again next tick, and a wish (`engage`) made while
     something went wrong must be made again, knowingly.
     """
-    return min((event for event in events if (state, event) in TABLE), key=_SEVERITY.index, default=None)
+    return min([event for event in events if (state, event) in TABLE], key=_SEVERITY.__getitem__, default=None)

@@ -83,8 +83,9 @@ class GateLimits:
         return turned(vector, math.radians(self.fence_yaw_deg))
 
     def is_in_box(self, p_local_enu_m: Vector3) -> bool:
-        p_m = self.in_box_axes(p_local_enu_m)
-        return all(low <= p <= high for low, p, high in zip(self.fence_min_m, p_m, self.fence_max_m, strict=True))
+        x, y, z = self.in_box_axes(p_local_enu_m)
+        (low_x, low_y, low_z), (high_x, high_y, high_z) = self.fence_min_m, self.fence_max_m
+        return low_x <= x <= high_x and low_y <= y <= high_y and low_z <= z <= high_z
 
     def is_in_cylinder(self, p_local_enu_m: Vector3) -> bool:
         return math.hypot(p_local_enu_m[0], p_local_enu_m[1]) <= self.fence_radius_m
@@ -157,18 +158,18 @@ class Gate:
         wanted_p = (
             _led_to(p_m, wanted_v, limits.response_s) if setpoint.p_local_enu_m is None else setpoint.p_local_enu_m
         )
-        broken = {
-            Reason.STALE: not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * NS_PER_S,
-            Reason.FENCE_BOX: not limits.is_in_box(wanted_p),
-            Reason.FENCE_CYLINDER: not limits.is_in_cylinder(wanted_p),
-            Reason.HEIGHT: not limits.on_ground and wanted_p[2] < ground_m + limits.min_height_m,
-            Reason.LEAD: math.dist(wanted_p, p_m) > limits.max_lead_m,
-            Reason.SPEED: math.hypot(wanted_v[0], wanted_v[1]) > limits.max_speed_m_s,
-            Reason.CLIMB: abs(wanted_v[2]) > (0.0 if limits.on_ground else limits.max_climb_m_s),
-            Reason.ACCELERATION: math.dist(wanted_v, v_m_s) > limits.max_acceleration_m_s2 * limits.response_s,
-            Reason.NEIGHBOUR: any(_closes_in(wanted_p, p_m, other, limits.min_neighbour_m) for other in neighbours),
-        }
-        return tuple(reason for reason, is_broken in broken.items() if is_broken)
+        broken = (
+            (Reason.STALE, not 0 <= now_ns - setpoint.t_mono_ns <= limits.max_age_s * NS_PER_S),
+            (Reason.FENCE_BOX, not limits.is_in_box(wanted_p)),
+            (Reason.FENCE_CYLINDER, not limits.is_in_cylinder(wanted_p)),
+            (Reason.HEIGHT, not limits.on_ground and wanted_p[2] < ground_m + limits.min_height_m),
+            (Reason.LEAD, math.dist(wanted_p, p_m) > limits.max_lead_m),
+            (Reason.SPEED, math.hypot(wanted_v[0], wanted_v[1]) > limits.max_speed_m_s),
+            (Reason.CLIMB, abs(wanted_v[2]) > (0.0 if limits.on_ground else limits.max_climb_m_s)),
+            (Reason.ACCELERATION, math.dist(wanted_v, v_m_s) > limits.max_acceleration_m_s2 * limits.response_s),
+            (Reason.NEIGHBOUR, any(_closes_in(wanted_p, p_m, other, limits.min_neighbour_m) for other in neighbours)),
+        )
+        return tuple([reason for reason, is_broken in broken if is_broken])
 
 
 def turned(vector: Vector3, angle_rad: float) -> Vector3:
@@ -182,8 +183,8 @@ def turned(vector: Vector3, angle_rad: float) -> Vector3:
 
 def _led_to(p_m: Vector3, v_m_s: Vector3, response_s: float) -> Vector3:
     """Where a velocity alone will have taken the vehicle before it can be made to stop: judged as a position is."""
-    x, y, z = (p + v * response_s for p, v in zip(p_m, v_m_s, strict=True))
-    return x, y, z
+    (x, y, z), (vx, vy, vz) = p_m, v_m_s
+    return x + vx * response_s, y + vy * response_s, z + vz * response_s
 
 
 def _closes_in(wanted_m: Vector3, p_m: Vector3, other_m: Vector3, least_m: float) -> bool:
