@@ -48,12 +48,8 @@ class Gusts:
     def _walk(self, value: Vector3, sigma: float, tau_s: float, dt_s: float) -> Vector3:
         keep = math.exp(-dt_s / tau_s)
         kick = sigma * math.sqrt(1 - keep * keep)
-        gauss = self._random.gauss
-        return (
-            keep * value[0] + kick * gauss(0, 1),
-            keep * value[1] + kick * gauss(0, 1),
-            keep * value[2] + kick * gauss(0, 1),
-        )
+        (x, y, z), gauss = value, self._random.gauss
+        return keep * x + kick * gauss(), keep * y + kick * gauss(), keep * z + kick * gauss()
 
 
 class Airframe:
@@ -107,10 +103,10 @@ class Airframe:
             self.yaw_enu_rad = math.remainder(self.yaw_enu_rad + max(-step, min(step, error)), math.tau)
 
     def _velocity(self, demand: Demand) -> Vector3:
-        x, y, z = (
-            v if p is None else v + _POSITION_GAIN_PER_S * (p - now)
-            for p, v, now in zip(demand.p_enu_m, demand.v_enu_m_s, self.estimated_p_enu_m, strict=True)
-        )
+        (x, y, z), (px, py, pz), (now_x, now_y, now_z) = demand.v_enu_m_s, demand.p_enu_m, self.estimated_p_enu_m
+        x = x if px is None else x + _POSITION_GAIN_PER_S * (px - now_x)
+        y = y if py is None else y + _POSITION_GAIN_PER_S * (py - now_y)
+        z = z if pz is None else z + _POSITION_GAIN_PER_S * (pz - now_z)
         scale = min(1.0, self.limits.speed_m_s / max(math.hypot(x, y), 1e-9))
         return (x * scale, y * scale, max(-self.limits.sink_m_s, min(self.limits.climb_m_s, z)))
 

@@ -290,10 +290,10 @@ class Commander:
             self._intend(Mode.HOLD)
 
     def _watch_fence(self) -> None:
-        action = {2: Mode.HOLD, 3: Mode.RTL, 5: Mode.LAND}.get(int(self.parameters["GF_ACTION"]))
         outside = self.armed and is_outside_fence(self.airframe.estimated_p_enu_m, self._home_m, self.parameters)
         if outside and not self._was_outside:
-            self._fence_mode = action
+            action = {2: Mode.HOLD, 3: Mode.RTL, 5: Mode.LAND}
+            self._fence_mode = action.get(int(self.parameters["GF_ACTION"]))
         self._was_outside = outside
 
     def _watch_ground(self) -> None:

@@ -61,5 +61,5 @@ class Return:
 def is_outside_fence(p_enu_m: Vector3, home_enu_m: Vector3, parameters: Parameters) -> bool:
     """Beyond GF_MAX_HOR_DIST or GF_MAX_VER_DIST from home; 0 is no limit."""
     wide_m, high_m = float(parameters["GF_MAX_HOR_DIST"]), float(parameters["GF_MAX_VER_DIST"])
-    x, y, z = (p - h for p, h in zip(p_enu_m, home_enu_m, strict=True))
-    return 0 < wide_m < math.hypot(x, y) or 0 < high_m < z
+    (x, y, z), (home_x, home_y, home_z) = p_enu_m, home_enu_m
+    return 0 < wide_m < math.hypot(x - home_x, y - home_y) or 0 < high_m < z - home_z
