@@ -69,7 +69,6 @@ def fly(scenario: Scenario, is_real: bool = False) -> Trace:
             loop.run_until_complete(world.run())
         return world.trace
     finally:
-        loop.close()
         logging.getLogger("companion").setLevel(logging.NOTSET)
 
 
@@ -164,6 +163,8 @@ class World:
         self._step_ns = clock.t_ns + self.rng.randrange(scenario.step_ns)
         self._faults = list(scenario.faults)
         self._lasting: list[tuple[int, Fault]] = []
+        self._words: dict[str, str] = {}
+        """By kind, of the first that lasts."""
         self._engaged_ns = 0
         self._asks_left = scenario.asks_again
         self._asks_after_s = self.rng.choice(_ASKS_AFTER_S)
@@ -264,10 +265,12 @@ class World:
         if word == "silent":
             return
         for true in poses:
-            x, y, z = (p + o for p, o in zip(true.p_enu_m, self.offset_m, strict=True))
-            x = math.nan if word == "nan" else x
-            confidence = {"failed": 0, "low": 1}.get(word, true.confidence)
-            pose = Pose(true.t_mono_ns, (x, y, z), true.q_enu_from_body, true.v_enu_m_s, confidence)
+            pose = true
+            if word or any(self.offset_m):
+                x, y, z = (p + o for p, o in zip(true.p_enu_m, self.offset_m, strict=True))
+                x = math.nan if word == "nan" else x
+                confidence = {"failed": 0, "low": 1}.get(word, true.confidence)
+                pose = Pose(true.t_mono_ns, (x, y, z), true.q_enu_from_body, true.v_enu_m_s, confidence)
             if word == "frozen" and self._frozen is not None:
                 old = self._frozen
                 pose = Pose(true.t_mono_ns, old.p_enu_m, old.q_enu_from_body, old.v_enu_m_s, 3)
@@ -277,10 +280,10 @@ class World:
             service.intake.take(pose)
 
     def lasts(self, kind: str) -> bool:
-        return any(fault.kind == kind for _, fault in self._lasting)
+        return kind in self._words
 
     def word(self, kind: str) -> str:
-        return next((fault.word for _, fault in self._lasting if fault.kind == kind), "")
+        return self._words.get(kind, "")
 
     def _stand_still(self, pause: Fault) -> None:
         """The event loop alone, the whole process, or (`suspend`) our clock with it."""
@@ -305,7 +308,7 @@ class World:
     def _begin_faults(self) -> Fault | None:
         now_ns, pause = self.clock.t_ns, None
         was = len(self._lasting), self._switch_up
-        ended = [one for one in self._lasting if one[0] <= now_ns]
+        ended = [one for one in self._lasting if one[0] <= now_ns] if self._lasting else []
         for until_ns, fault in ended:
             self._lasting.remove((until_ns, fault))
             self.trace.entries.append(Faulted(now_ns, fault, False))
@@ -327,6 +330,7 @@ class World:
     def _apply(self) -> None:
         """What lasts, as it is now."""
         vehicle, service = self.vehicle, self.service
+        self._words = {fault.kind: fault.word for _, fault in reversed(self._lasting)}
         vehicle.mute, vehicle.commands, vehicle.offboard = map(self.word, ("mute", "commands", "offboard"))
         vehicle.is_deaf = self.lasts("deaf")
         vehicle.parameters_silent = self.word("parameters") == "silent"

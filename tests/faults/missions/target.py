@@ -80,12 +80,11 @@ class DrawnWindow:
 
     def path_length_m(self, start_ns: int, end_ns: int) -> float:
         places = [p for t_ns, p in self._path if start_ns <= t_ns <= end_ns]
-        return sum(math.dist(a, b) for a, b in pairwise(places))
+        return sum(map(math.dist, places, places[1:]))
 
     def start_of_path(self, not_before_ns: int, end_ns: int, length_m: float) -> int | None:
-        later = list(self._path)
         gone_m = 0.0
-        for (t_ns, a), (until_ns, b) in reversed(list(pairwise(later))):
+        for (until_ns, b), (t_ns, a) in pairwise(reversed(self._path)):
             if t_ns < not_before_ns or gone_m >= length_m:
                 break
             gone_m += math.dist(a, b) if until_ns <= end_ns else 0.0

@@ -13,7 +13,7 @@ from asyncio import events
 from collections import deque
 from collections.abc import Callable, Coroutine
 from contextvars import Context
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from companion.core.clock import NS_PER_S
 
@@ -54,34 +54,29 @@ def _wake(sleeper: asyncio.Future[None]) -> None:
 
 
 class _Call(float):
-    """A call that is due, as the number of when it is: the heap compares nothing else."""
+    """Something to be called, as the number of when [s]: the heap compares nothing else."""
 
     __slots__ = ("args", "callback")
+    callback: Callable[..., object] | None
+    args: tuple[Any, ...]
 
     def cancel(self) -> None:
         self.callback = None
-        self.args = ()
-
-    def cancelled(self) -> bool:
-        return self.callback is None
-
-    def when(self) -> float:
-        return float(self)
 
 
-def _call(when_s: float, callback: Callable[..., object], args: tuple[Any, ...]) -> Any:
+def _call(when_s: float, callback: Callable[..., object], args: tuple[Any, ...]) -> _Call:
     call = _Call(when_s)
     call.callback, call.args = callback, args
     return call
 
 
-class MissionLoop(asyncio.AbstractEventLoop):
-    """`run_until_complete` is all it is for."""
+class MissionLoop:
+    """As much of `asyncio.AbstractEventLoop` as sleeping tasks ask for; `run_until_complete` is what it is for."""
 
     def __init__(self, clock: MissionClock) -> None:
         self._clock = clock
-        self._ready = deque[Any]()
-        self._later: list[Any] = []
+        self._ready = deque[_Call]()
+        self._later: list[_Call] = []
         self._advance: Advance | None = None
 
     def connect(self, advance: Advance) -> None:
@@ -92,7 +87,7 @@ class MissionLoop(asyncio.AbstractEventLoop):
         return self._clock.t_ns / NS_PER_S
 
     def run_until_complete(self, future: Coroutine[Any, Any, Any]) -> Any:
-        events._set_running_loop(self)
+        events._set_running_loop(cast(Any, self))
         try:
             task = self.create_task(future)
             while not task.done():
@@ -120,28 +115,24 @@ class MissionLoop(asyncio.AbstractEventLoop):
             if call.callback is not None:
                 call.callback(*call.args)
 
-    def call_soon(self, callback: Callable[..., object], *args: Any, context: Context | None = None) -> Any:
+    def call_soon(self, callback: Callable[..., object], *args: Any, context: Context | None = None) -> _Call:
         call = _call(0.0, callback, args)
         self._ready.append(call)
         return call
 
-    call_soon_threadsafe = call_soon
-
-    def call_at(self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None) -> Any:
+    def call_at(self, when: float, callback: Callable[..., object], *args: Any) -> _Call:
         call = _call(when, callback, args)
         heapq.heappush(self._later, call)
         return call
 
-    def call_later(
-        self, delay: float, callback: Callable[..., object], *args: Any, context: Context | None = None
-    ) -> Any:
+    def call_later(self, delay: float, callback: Callable[..., object], *args: Any) -> _Call:
         return self.call_at(self.time() + delay, callback, *args)
 
     def create_future(self) -> asyncio.Future[Any]:
-        return asyncio.Future(loop=self)
+        return asyncio.Future(loop=cast(Any, self))
 
-    def create_task(self, coro: Any, *, name: str | None = None, context: Context | None = None) -> asyncio.Task[Any]:
-        return asyncio.Task(coro, loop=self, name=name)
+    def create_task(self, coro: Any, *, name: str | None = None) -> asyncio.Task[Any]:
+        return asyncio.Task(coro, loop=cast(Any, self), name=name)
 
     def get_debug(self) -> bool:
         return False
@@ -154,7 +145,3 @@ class MissionLoop(asyncio.AbstractEventLoop):
 
     def call_exception_handler(self, context: dict[str, Any]) -> None:
         raise RuntimeError(context["message"]) from context.get("exception")
-
-    def close(self) -> None:
-        self._ready.clear()
-        self._later.clear()

@@ -13,7 +13,7 @@ from companion.sim.px4.commander import Mode
 from tests.faults.missions.scenario import Fault, Scenario
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # thousands of them, by nobody changed: what is frozen takes five times as long to make
 class Ticked:
     """The loop ticked: what it was told of the vehicle then, and what really was."""
 
@@ -31,7 +31,7 @@ class Ticked:
     """Worker, recorder, clock relation, estimator, arming checks: whether each is as it should be."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Sent:
     """A set point left, whether it arrived or not."""
 

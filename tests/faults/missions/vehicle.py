@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any, Final
+
+import msgspec
 
 from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
@@ -26,6 +27,7 @@ _PERIOD_NS: Final = {
 _POSITION_TEXT: Final = (
     '{{"time_boot_ms": {}, "x": {!r}, "y": {!r}, "z": {!r}, "vx": {!r}, "vy": {!r}, "vz": {!r}}}'.format
 )
+_text: Final = msgspec.json.Encoder().encode
 _HEARTBEATS: Final = frozenset({"HEARTBEAT"})
 _POSITION: Final = frozenset({"LOCAL_POSITION_NED", "ATTITUDE"})
 _UP_NS: Final = 9_400_000_000
@@ -159,7 +161,7 @@ class Vehicle:
 
     def message(self, name: str, fields: dict[str, Any]) -> None:
         if self.telemetry is not None:
-            self.telemetry.take(name, 1, json.dumps(fields))
+            self.telemetry.take(name, 1, _text(fields).decode())
 
     def _boot_ms(self) -> int:
         return (self.now_ns - self._boot_ns) // 1_000_000
