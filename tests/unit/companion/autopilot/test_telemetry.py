@@ -356,6 +356,15 @@ def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_eithe
     assert bench.telemetry.state().can_arm is None and bench.telemetry.state().arming_reasons == ()
 
 
+def test_it_fails_silently_while_it_cannot_arm_and_has_not_said_why(bench: TelemetryBench) -> None:
+    masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
+    text, disarmed = {"severity": 3, "text": "Preflight Fail: no"}, HEARTBEAT | {"base_mode": 1}
+    told = [("SYS_STATUS", masks), ("HEARTBEAT", HEARTBEAT), ("HEARTBEAT", disarmed), ("STATUSTEXT", text)]
+    for (name, fields), is_silent in zip(told, (True, False, True, False), strict=True):
+        bench.take(name, fields)
+        assert bench.telemetry.fails_silently() is is_silent, name
+
+
 def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: TelemetryBench) -> None:
     masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
     bench.take("SYS_STATUS", masks)
