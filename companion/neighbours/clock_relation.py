@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+
+from wsr.middle import median
 
 LOCKED_NS: Final = 5_000_000
 _TURNAROUND_NS: Final = 300_000
@@ -150,8 +152,8 @@ class ClockRelation:
         newest_ns = int(at_ns.max())
         slope = _slope(at_ns, samples)
         level = samples - slope * (at_ns - newest_ns)
-        middle = _median(level)
-        spread = 1.4826 * _median(np.abs(level - middle))
+        middle = median(level)
+        spread = 1.4826 * median(np.abs(level - middle))
         first_ns, slack = int(at_ns.min()), max(2 * _DRIFT, abs(slope))
 
         def beyond_ns(at: int, bound: int, sign: int) -> float:
@@ -177,20 +179,15 @@ def _recent(bounds: Iterable[tuple[int, int]], newest_ns: int) -> list[tuple[int
 def _slope(at_ns: Times, samples_ns: Times) -> float:
     """Drift between the clocks from the medians of the first and the last third, 0 where time says nothing of it."""
     third = len(at_ns) // 3
-    span_ns = _median(at_ns[-third:]) - _median(at_ns[:third])
+    first, last = slice(None, third), slice(-third, None)
+    span_ns, rise_ns = (
+        median(values[last]) - median(values[first])
+        for values in (at_ns.astype(np.float64), samples_ns.astype(np.float64))
+    )
     if span_ns < _LEAST_SPAN_NS:
         return 0.0
-    rise = (_median(samples_ns[-third:]) - _median(samples_ns[:third])) / span_ns
+    rise = rise_ns / span_ns
     return min(_MAX_DRIFT, max(-_MAX_DRIFT, rise))
-
-
-def _median(values: npt.NDArray[Any]) -> float:
-    """Of numbers (N,), N > 0, as `numpy.median` gives it, which takes several times as long to look for what is none:
-    the relation is fitted anew ten times a second for each neighbour."""
-    ordered, middle = np.sort(values), len(values) // 2
-    if len(values) % 2:
-        return float(ordered[middle])
-    return (float(ordered[middle - 1]) + float(ordered[middle])) / 2
 
 
 def card_times(nic_us: npt.NDArray[np.int64], t_ns: Times) -> Times:

@@ -6,7 +6,6 @@ until its input ends, which also ends it when the service dies.
 
 from __future__ import annotations
 
-import importlib
 import sys
 import time
 from typing import BinaryIO
@@ -38,22 +37,8 @@ def compute(estimator: Estimator, request: AoaRequest, prior: Prior | None = Non
     )
 
 
-def _leave_blas_out() -> None:
-    """Numba looks for SciPy's BLAS as soon as it loads or compiles anything, for products of matrices, which no
-    compiled function here has: a seventh of the start and 13 MB."""
-    name = "scipy.linalg"
-    if name in sys.modules:
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # whoever imports it is told that it is not there
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        del sys.modules[name]
-
-
 def main() -> None:
     stand_back(nice=10)
-    _leave_blas_out()
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     estimator = ESTIMATORS[sys.argv[1]]()
     warm_up(sys.argv[1])
