@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 from rich.progress import MofNCompleteColumn, Progress
@@ -52,6 +52,13 @@ _TRIALS = (
     "goes on from there.",
 )
 @click.option("--scenes", metavar="NAMES", help=_SCENES)
+@click.option(
+    "--motion",
+    type=click.Choice(["fixed", "chosen"]),
+    default="fixed",
+    show_default=True,
+    help="Of rendezvous: the way to the robot by the service's rule, or chosen by what it would tell.",
+)
 @click.option("--markdown", type=_path, help="Write the table of rendezvous as a page of Markdown.")
 @click.option("--cluster", metavar="ADDRESS", help="Run on Dask: tcp://HOST:PORT of a scheduler, or local:N.")
 @click.option(
@@ -71,6 +78,7 @@ def study(
     json_path: Path | None,
     out: Path,
     scenes: str | None,
+    motion: Literal["fixed", "chosen"],
     markdown: Path | None,
     cluster: str | None,
     jobs: int,
@@ -85,14 +93,16 @@ def study(
     check_writable(json_path, out)
     check_writable(markdown, out, TEXT)
     named = _named(scenes)
-    if (named or markdown) and name not in (RENDEZVOUS, ALL):
-        raise click.UsageError(f"--scenes and --markdown are for the study {RENDEZVOUS}, not for {name}")
+    if (named or markdown or motion != "fixed") and name not in (RENDEZVOUS, ALL):
+        raise click.UsageError(f"--scenes, --motion and --markdown are for the study {RENDEZVOUS}, not for {name}")
     done = _Done(name=name, out=out, json_path=json_path, markdown=markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
     with _runner(cluster, jobs) as runner:
         for each in studies:
+            count = each.default_trials if trials is None else trials
+            settings = Settings(count, data.resolve(), named, motion)
             try:
-                specs = each.plan(Settings(each.default_trials if trials is None else trials, data.resolve(), named))
+                specs = each.plan(settings)
             except CompanionError as error:
                 if name != ALL:
                     raise

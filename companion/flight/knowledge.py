@@ -51,6 +51,7 @@ class Knowledge:
         sar: SarIterations,
         course: Course,
         frame: LocalFrame,
+        chooses_motion: bool = False,
     ) -> None:
         self._config = config.aperture
         self._clock = clock
@@ -71,6 +72,7 @@ class Knowledge:
             antenna_heights_m={
                 peer.id: peer.antenna_height_m for peer in config.peers if peer.antenna_height_m is not None
             },
+            scatters=chooses_motion,
         )
         self.camera: CameraLead | None = None
         """Where one is configured."""

@@ -58,8 +58,10 @@ class Flight:
         make_commands: MakeCommands = FlightCommands,
         look: Callable[[], Surroundings] | None = None,
         network_problem: Callable[[], str] = str,
+        chooses_motion: bool = False,
     ) -> None:
-        """A replay runs no commands and gives a `look` of its own at what was around."""
+        """A replay runs no commands and gives a `look` of its own at what was around. With `chooses_motion` the way to
+        the target is chosen by what it would tell (`companion.guidance.choice`), which studies compare."""
         assert config.autopilot is not None
         self._config = config
         self._clock = clock
@@ -83,6 +85,7 @@ class Flight:
             sar=sar,
             course=self._course,
             frame=self._frame,
+            chooses_motion=chooses_motion,
         )
         self._targets = self.knowledge.targets
         self._engagement = Engagement(

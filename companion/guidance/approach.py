@@ -9,9 +9,11 @@ from typing import Final
 from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint, Vector3
+from companion.guidance.choice import Craft, Way, choose
 from companion.guidance.clearance import clear_of
 from companion.guidance.motion import Motion
 from companion.guidance.steering import Aim, climb, kept_inside, search, towards
+from companion.guidance.target import Scatter
 from companion.safety.gate import GateLimits
 
 _YAW_RATE_RAD_S: Final = math.radians(30.0)
@@ -48,6 +50,15 @@ class Approach:
         self._yaw_rad = 0.0
         self._tick_ns: int | None = None
         self._ground_m = 0.0
+        rate = self._turn_per_m * mission.speed_m_s
+        most_m = 0.8 * mission.acceleration_m_s2 / rate**2
+        self._craft = Craft(
+            speed_m_s=mission.speed_m_s,
+            acceleration_m_s2=mission.acceleration_m_s2,
+            length_m=length_m,
+            across_m=min(mission.lateral_weave_m, most_m),
+            up_m=0.0 if mission.vehicle == "rover" else min(mission.vertical_weave_m, most_m),
+        )
         self._side = 1
         self._begin_path(0.0)
 
@@ -76,6 +87,7 @@ class Approach:
         `moving` the vehicle stops."""
         elapsed_s = 0.0 if self._tick_ns is None else (now_ns - self._tick_ns) / NS_PER_S
         self._tick_ns = now_ns
+        self._choose(aim, others_m)
         wished = self._wished(aim) if moving else (0.0, 0.0, 0.0)
         wished = clear_of(wished, self._motion.p_m, others_m, self._limits.min_neighbour_m)
         self._motion.step(kept_inside(wished, self._motion.p_m, self._limits), elapsed_s)
@@ -88,20 +100,46 @@ class Approach:
 
     def _begin_path(self, heading_rad: float) -> None:
         self._heading_rad, self._searched_m, self._phase_rad = heading_rad, 0.0, 0.0
+        self._way: Way | None = None
+        """Where motion is chosen: the newest,"""
+        self._scatter: Scatter | None = None
+        """and what it was chosen for."""
+
+    def _choose(self, aim: Aim | None, others_m: Sequence[Vector3]) -> None:
+        """Once for each belief, of an aim that tells where else the target may be."""
+        if aim is None or aim.scatter is None:
+            self._way = self._scatter = None
+        elif aim.scatter is not self._scatter:
+            x, y, z = p_m = self._motion.p_m
+            flat_m, azimuth = aim.distance_m, aim.azimuth_rad
+            target_m = x + flat_m * math.cos(azimuth), y + flat_m * math.sin(azimuth), z + aim.above_m
+            before = self._way or Way(0.0, self._side, 1.0)
+            near_m = self._near_m(aim)
+            self._way = choose(aim.scatter, target_m, p_m, near_m, self._craft, self._limits, others_m, before)
+            self._scatter = aim.scatter
+
+    def _near_m(self, aim: Aim) -> float:
+        """On the level: where it might have arrived; from there on, around the target."""
+        arrival_m = math.sqrt(max(0.0, self._mission.arrival_range_m**2 - aim.above_m**2))
+        return max(self._circle_m(aim), min(arrival_m, aim.distance_m))
+
+    def _circle_m(self, aim: Aim) -> float:
+        return math.sqrt(max(_LEAST_CIRCLE_M**2, self._away_m**2 - aim.above_m**2))
 
     def _wished(self, aim: Aim | None) -> Vector3:
         mission = self._mission
         drives = mission.vehicle == "rover"
         # A level path that is nearly straight takes a source above it for one beside it, whatever was known before.
         share = 1.0 if aim is None or drives else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
+        share = self._way.weave if self._way is not None else share
         across, up = self._weave(share, 0.0 if drives else mission.vertical_weave_m)
         forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
         if aim is None:
             ve, vn = search(self._searched_m, self._heading_rad, forward)
         else:
             self._begin_search_at(aim.azimuth_rad)
-            circle_m = math.sqrt(max(_LEAST_CIRCLE_M**2, self._away_m**2 - aim.above_m**2))
-            ve, vn = towards(aim, forward, circle_m, self._side)
+            side, lead_rad = (self._side, None) if self._way is None else (self._way.side, self._way.lead_rad)
+            ve, vn = towards(aim, forward, self._circle_m(aim), side, lead_rad)
         speed = max(math.hypot(ve, vn), 1e-6)
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
         if drives:

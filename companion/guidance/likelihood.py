@@ -18,10 +18,10 @@ from wsr.geometry import direction
 
 Floats = npt.NDArray[np.float64]
 
-_CURVATURE_STD_PER_M: Final = 0.09
+CURVATURE_STD_PER_M: Final = 0.09
 _BENT_PER_M: Final = 1.7
 """Of 1 / range: over an aperture of 1.2 m a drift of the poses bends the wave front too, times its share of the way,"""
-_CURVATURE_SCALE: Final = 3.0
+CURVATURE_SCALE: Final = 3.0
 """the more the flatter the aperture is, which a range's own deviation tells: so many times that is added."""
 _MOST_CURVATURE_PER_M: Final = 2.0
 """Of a range that is not trusted, or another source's, 1 / range is anything up to here."""
@@ -45,6 +45,11 @@ def elsewhere(bearing: Bearing, before: Floats) -> float:
     cosine = np.einsum("jx,x->j", before, direction(bearing.azimuth_rad, bearing.polar_rad))
     again = np.mean(np.exp(_AGAIN_SHARPNESS * (cosine - 1.0))) * _AGAIN_SHARPNESS / math.tau
     return _AGAIN * float(again) + (1.0 - _AGAIN) * anywhere
+
+
+def is_afar(range_m: Floats) -> Floats:
+    """0 near a source, 1 where images of it are as loud as they get, and between."""
+    return np.asarray(np.clip((range_m - _NEAR_M) / (_FAR_M - _NEAR_M), 0.0, 1.0))
 
 
 def likelihoods(
@@ -75,7 +80,7 @@ def _likelihood(
         misfit += ((polar_rad - polar) / down_std) ** 2
         return np.asarray(np.exp(-0.5 * misfit) / (across_std * down_std * math.tau))
 
-    afar = np.clip((range_m - _NEAR_M) / (_FAR_M - _NEAR_M), 0.0, 1.0)
+    afar = is_afar(range_m)
     near, far, more = regime.reported
     reported = np.minimum(near + (far - near) * afar + more * bearing.reliability, _SUREST)
     total = reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, drift, regime)
@@ -99,7 +104,7 @@ def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, regim
     if bearing.range_m is None:
         return np.asarray(unseen)
     std = math.hypot(
-        _CURVATURE_STD_PER_M, _BENT_PER_M * drift, _CURVATURE_SCALE * bearing.range_std_m / bearing.range_m**2
+        CURVATURE_STD_PER_M, _BENT_PER_M * drift, CURVATURE_SCALE * bearing.range_std_m / bearing.range_m**2
     )
     misfit = (1.0 / bearing.range_m - 1.0 / range_m) / std
     good = np.exp(-0.5 * misfit**2) / (std * math.sqrt(math.tau))

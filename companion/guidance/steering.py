@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from companion.core.messages import Vector3
+from companion.guidance.target import Scatter
 from companion.safety.gate import GateLimits
 
 _RADIAL_PER_S: Final = 0.9
@@ -29,24 +30,28 @@ _SEARCH_GROWTH_M: Final = 0.35
 @dataclass(frozen=True, slots=True)
 class Aim:
     """What is known of the target from where the vehicle is: azimuth, distance on the level, the deviation of that,
-    how sure the direction is, 0..1, and how far above the vehicle it is."""
+    how sure the direction is, 0..1, how far above the vehicle it is, and, where motion is chosen, a few places where it
+    may be: the same object until a bearing changes them."""
 
     azimuth_rad: float
     distance_m: float
     distance_std_m: float
     sureness: float
     above_m: float = 0.0
+    scatter: Scatter | None = None
 
 
-def towards(aim: Aim, speed_m_s: float, circle_m: float, side: int) -> tuple[float, float]:
-    """East and North [m/s] towards the target, beside it while its range is vague, and around it on a circle of
-    `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""
+def towards(
+    aim: Aim, speed_m_s: float, circle_m: float, side: int, lead_rad: float | None = None
+) -> tuple[float, float]:
+    """East and North [m/s] towards the target, `lead_rad` beside it (without one by a rule, while its range is vague),
+    and around it on a circle of `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""
     inwards = max(-speed_m_s, min(speed_m_s, _RADIAL_PER_S * (aim.distance_m - circle_m)))
     known = math.isfinite(aim.distance_m)
     vague = min(1.0, aim.distance_std_m / max(aim.distance_m, 0.1) / _VAGUE) if known else 1.0
     nearness = (_LEAD_M[0] - aim.distance_m) / (_LEAD_M[0] - _LEAD_M[1]) if known else 0.0
-    lead_rad = _LEAD_RAD[0] + (_LEAD_RAD[1] - _LEAD_RAD[0]) * max(0.0, min(1.0, nearness))
-    inwards = min(inwards, speed_m_s * math.cos(vague * lead_rad))
+    by_rule_rad = vague * (_LEAD_RAD[0] + (_LEAD_RAD[1] - _LEAD_RAD[0]) * max(0.0, min(1.0, nearness)))
+    inwards = min(inwards, speed_m_s * math.cos(by_rule_rad if lead_rad is None else lead_rad))
     around = side * math.sqrt(max(0.0, speed_m_s**2 - inwards**2))
     c, s = math.cos(aim.azimuth_rad), math.sin(aim.azimuth_rad)
     return inwards * c - around * s, inwards * s + around * c

@@ -35,6 +35,19 @@ class WholeBelief:
     """With 90 % its direction is so near to that of the likeliest source."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Scatter:
+    """A few places of a belief, each as likely as the others."""
+
+    p_local_enu_m: _Floats
+    """(N, 3) of the target, at its newest bearing."""
+    heading_rad: _Floats
+    """(N,) by which all its bearings are off, if it is there; and so by elevation:"""
+    elevation_rad: _Floats
+    rooms: _Floats
+    """(K,) probability of each kind of room."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """Where the target is thought to be, seen from the newest bearing's place."""

@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 
 from companion.core.messages import Vector3
+from companion.guidance.choice import PLACES
 from companion.guidance.reach import Reach
 from companion.guidance.steering import Aim
-from companion.guidance.target import Target
+from companion.guidance.target import Scatter, Target
 from companion.guidance.tracker import TargetTracker
 from companion.neighbours.neighbour import Neighbour
 from companion.safety.gate import GateLimits
@@ -50,9 +51,12 @@ class Targets:
         limits: GateLimits,
         drift: float = DRIFT,
         antenna_heights_m: Mapping[int, float] = MappingProxyType({}),
+        scatters: bool = False,
     ) -> None:
         """`drift` is the share of the way by which poses part from the truth; `antenna_heights_m` by robot how high
-        above the ground its antenna is, of those that stand on it."""
+        above the ground its antenna is, of those that stand on it; with `scatters` an aim tells a few places
+        where the target may be."""
+        self._scatters = scatters
         self._drift = drift
         self._antenna_heights_m = antenna_heights_m
         self._reach = Reach(limits, _BEYOND * arrival_range_m)
@@ -66,6 +70,8 @@ class Targets:
         """Apertures' worth of new packets for which the target has seemed near; and those not looked at yet."""
         self._kind = 0.0
         """How probably the room has been a kind one lately."""
+        self._scatter: Scatter | None = None
+        """A few places of what steers."""
         self._nearer_m: Vector3 | None = None
         """Another source that the target must be, if it is there: what is likeliest is then an image of it."""
         self._neighbours = neighbours
@@ -76,7 +82,7 @@ class Targets:
     def forget(self) -> None:
         self._trackers.clear()
         self._near = self._new = self._kind = 0.0
-        self._nearer_m = self._instead = None
+        self._nearer_m = self._instead = self._scatter = None
         self._inside = self._new_tracker(self._target, self._reach)
         self._found.clear()
 
@@ -89,6 +95,7 @@ class Targets:
                 self._nearer_m = tracker.nearer_source()
                 self._inside.shift(delta_enu_m)
                 self._instead = self._instead and self._inside.target()
+                self._scatter = self._scattered(self._inside if self._instead else tracker)
 
     def add(self, peer: int, bearing: Bearing, ground_m: float) -> Target:
         """Takes a bearing; what is known of that robot now. The ground is at `ground_m` (Up)."""
@@ -99,6 +106,7 @@ class Targets:
             inside = self._inside.add(bearing, ground_m)
             can_be_flown_to = self._reach(np.array([found.place(bearing.target_p_enu_m)]))[0]
             self._instead = None if can_be_flown_to else inside
+            self._scatter = self._scattered(tracker if can_be_flown_to else self._inside)
             self._new += bearing.fresh
             self._kind += min(1.0, bearing.fresh / _LATELY) * (float(tracker.rooms()[0]) - self._kind)
         return found
@@ -115,6 +123,10 @@ class Targets:
         new = self._new_tracker(peer, self._reach)
         self._inside = new if tracker is None else tracker.on_condition(self._reach)
         self._instead = None
+        self._scatter = None if tracker is None else self._scattered(tracker)
+
+    def _scattered(self, tracker: TargetTracker) -> Scatter | None:
+        return tracker.scatter(PLACES) if self._scatters else None
 
     def _new_tracker(self, peer: int, allowed: Reach | None = None) -> TargetTracker:
         return TargetTracker(allowed, self._drift, self._antenna_heights_m.get(peer))
@@ -149,6 +161,7 @@ class Targets:
             target.range_std_m,
             min(1.0, target.probability / _SURE),
             place[2] - p_local_enu_m[2],
+            self._scatter,
         )
 
     def is_near(self, p_local_enu_m: Vector3) -> bool:

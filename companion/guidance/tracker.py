@@ -24,7 +24,7 @@ from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
 from companion.guidance.modes import densest, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
-from companion.guidance.target import Rival, Target, moments, vector, whole_belief
+from companion.guidance.target import Rival, Scatter, Target, moments, vector, whole_belief
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.frame_turn import DRIFT, DRIFT_ALIKE_M
 from companion.sensing.records import Bearing
@@ -155,6 +155,14 @@ class TargetTracker:
         apart_m = self._origins_m + (np.array(target_p_enu_m) - np.array(p_local_enu_m))
         near = np.einsum("nx,nx->n", apart_m, apart_m) < range_m**2
         return float(np.exp(self._log_weight[near]).sum())
+
+    def scatter(self, count: int) -> Scatter:
+        """A systematic sample of so many places."""
+        assert self._newest is not None
+        weight = np.exp(self._log_weight)
+        at = systematic(weight / weight.sum(), count)
+        places_m = self._origins_m[at] + np.array(self._newest.target_p_enu_m)
+        return Scatter(places_m, self._heading_rad[at], self._elevation_rad[at], self.rooms())
 
     def on_condition(self, allowed: Callable[[_Floats], _Bools]) -> TargetTracker:
         """The same belief, from its next bearing on on condition that the target is at an allowed place."""

@@ -37,11 +37,13 @@ _PING_RATE_HZ = PingConfig().rate_hz
 class MissionCase:
     scene: str
     number: int
+    chooses_motion: bool = False
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
     names = scene_names(settings.scenes, FLOWN) or FLOWN
-    return [MissionCase(names[i % len(names)], i // len(names)) for i in range(settings.trials)]
+    chosen = settings.motion == "chosen"
+    return [MissionCase(names[i % len(names)], i // len(names), chosen) for i in range(settings.trials)]
 
 
 def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
@@ -53,7 +55,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     straight_s = straight_flight_s(
         world, start_m, BEACON_LEVER_M, RENDEZVOUS_M, limits.speed_m_s, limits.acceleration_m_s2, WARM_UP_S
     )
-    result = fly(world, own, MAX_TIME_S)
+    result = fly(world, own, MAX_TIME_S, case.chooses_motion)
     return MissionRow(
         scene=case.scene,
         number=case.number,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from numpy.random import SeedSequence
 
@@ -42,12 +42,13 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a plan may depend on: how many trials a condition has, where real recordings are, and which scenes are asked
-    for; none means all."""
+    """What a plan may depend on: how many trials a condition has, where real recordings are, which scenes are asked for
+    (none means all), and whether missions' motion goes by the fixed rule or is chosen."""
 
     trials: int
     data: Path
     scenes: tuple[str, ...] = ()
+    motion: Literal["fixed", "chosen"] = "fixed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -120,14 +120,14 @@ def with_levers(scenario: Scenario) -> Scenario:
     return replace(scenario, uav=uav, beacon=beacon)
 
 
-def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool = False) -> MissionResult:
     """Until the vehicle calls itself arrived, or ends the mission otherwise. The same arguments give the same one."""
-    return asyncio.run(_fly(scenario, seed, max_time_s))
+    return asyncio.run(_fly(scenario, seed, max_time_s, chooses_motion))
 
 
-async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> MissionResult:
+async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool) -> MissionResult:
     clock = VirtualClock()
-    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s)
+    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s, chooses_motion)
     flying = asyncio.create_task(world.flight.run())
     await clock.run(world.live)
     ended_in = world.flight.state  # a flight that is cancelled leaves its state
@@ -141,7 +141,9 @@ async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float) -> Mis
 class _World:
     """Everything around the flight. Physics goes on in small steps, radio and cameras in batches."""
 
-    def __init__(self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float) -> None:
+    def __init__(
+        self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float, chooses_motion: bool = False
+    ) -> None:
         settings = config()
         # Who knows of a worse camera than a T265 says so.
         drift = max(settings.pose_drift, scenario.vio.bias_std)
@@ -194,6 +196,7 @@ class _World:
             autopilot=self._vehicle,
             sar=self._sar,
             recorder=recorder,
+            chooses_motion=chooses_motion,
         )
         self._sar.iterations.connect(self.flight.knowledge.add_iteration, self._note_iteration)
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)

@@ -14,7 +14,9 @@ from companion.config.schema import MissionConfig
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Setpoint, Vector3
 from companion.guidance.approach import Approach, as_velocity, inside
+from companion.guidance.choice import PLACES
 from companion.guidance.steering import Aim, kept_inside
+from companion.guidance.target import Scatter
 from companion.safety.gate import GateLimits
 
 LIMITS = GateLimits(fence_min_m=(-50, -50, -1), fence_max_m=(50, 50, 10), fence_radius_m=60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
@@ -61,6 +63,23 @@ def test_it_flies_to_the_target_without_a_stop_and_stays_around_it() -> None:
     assert all(1.2 < h < 1.8 for h in heights)
 
 
+def _scatter(rng: np.random.Generator, places_m: np.ndarray) -> Scatter:
+    heading, elevation = rng.normal(0.0, 0.03, (2, PLACES))
+    return Scatter(places_m, heading, elevation, np.array([0.9, 0.08, 0.02]))
+
+
+@pytest.mark.parametrize(("ratio", "goes_beside"), [(0.02, False), (0.5, True)])
+def test_it_flies_beside_a_near_place_whose_range_is_vague(ratio: float, goes_beside: bool) -> None:
+    rng, approach = np.random.default_rng(1), Approach(MissionConfig(), LIMITS, 1.2)
+    approach.start((0.0, 0.0, 1.5), 0.0)
+    range_m = 4.0 * np.exp(rng.normal(0.0, ratio, PLACES))
+    places_m = np.stack([range_m, np.zeros(PLACES), rng.normal(0.5, 0.2, PLACES)], axis=1)
+    scatter = _scatter(rng, places_m)
+    flown = [approach.setpoint(k * _TICK_NS, Aim(0.0, 4.0, ratio * 4.0, 1.0, -1.0, scatter), True) for k in range(90)]
+    beside_m = [abs(s.p_local_enu_m[1]) for s in flown if s.p_local_enu_m]
+    assert (beside_m[-1] > 0.25) == goes_beside
+
+
 def test_a_search_goes_all_around_and_wider_inside_the_fence() -> None:
     narrow = replace(LIMITS, fence_min_m=(-3, -3, -1), fence_max_m=(3, 3, 5))
     approach = Approach(MissionConfig(), narrow, 1.2)
@@ -78,7 +97,8 @@ def test_neither_a_new_aim_nor_a_late_tick_nor_a_stop_makes_a_step() -> None:
     aim: Aim | None = None
     for _ in range(1500):
         if rng.random() < 0.05:
-            aim = Aim(float(rng.uniform(-3, 3)), float(rng.uniform(0, 9)), float(rng.uniform(0, 9)), 0.5)
+            places = _scatter(rng, rng.uniform(-9, 9, (PLACES, 3)))
+            aim = Aim(float(rng.uniform(-3, 3)), float(rng.uniform(0, 9)), float(rng.uniform(0, 9)), 0.5, 0.0, places)
         late_ns = int(rng.choice([0, 0, 0, _TICK_NS]))
         now_ns += _TICK_NS + late_ns
         flown.append((now_ns / NS_PER_S, approach.setpoint(now_ns, aim, bool(rng.random() < 0.97))))

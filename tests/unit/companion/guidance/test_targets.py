@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from companion.core.messages import Vector3
+from companion.guidance.choice import PLACES
+from companion.guidance.target import Scatter
 from companion.guidance.targets import Targets
 from companion.neighbours.neighbour import Neighbour
 from companion.safety.gate import GateLimits
@@ -98,6 +100,32 @@ def test_one_bearing_tells_a_direction_and_no_place() -> None:
     aim = targets.aim((0.0, 0.0, 1.5))
     assert aim is not None and aim.azimuth_rad == pytest.approx(0.0, abs=0.2)
     assert targets.places() == () and targets.target is not None
+
+
+def test_a_few_places_go_with_the_aim_and_are_others_after_each_bearing() -> None:
+    targets = Targets(
+        neighbours={2: _Neighbour(2, "beacon")},
+        target=2,
+        arrival_range_m=2.0,
+        arrival_confidence=0.9,
+        limits=_LIMITS,
+        scatters=True,
+    )
+    seen = list[Scatter]()
+    for turn in range(6):
+        here_m = (4.0 + math.cos(turn), math.sin(turn), 1.5)
+        targets.add(2, replace(_bearing(here_m, (4.0, 0.0, 0.5)), fresh=1.0), 0.0)
+        first, again = targets.aim(here_m), targets.aim((0.0, 0.0, 1.5))
+        assert first is not None and again is not None and first.scatter is not None
+        assert first.scatter is again.scatter
+        seen.append(first.scatter)
+    assert len(set(map(id, seen))) == 6
+    assert seen[-1].p_local_enu_m.shape == (PLACES, 3) and seen[-1].rooms.sum() == pytest.approx(1.0, abs=1e-3)
+    assert np.median(seen[-1].p_local_enu_m, axis=0) == pytest.approx([4.0, 0.0, 0.5], abs=0.4)
+    targets.shift((5.0, 0.0, 0.0))
+    moved = targets.aim((0.0, 0.0, 1.5))
+    assert moved is not None and moved.scatter is not None
+    assert np.median(moved.scatter.p_local_enu_m, axis=0) == pytest.approx([9.0, 0.0, 0.5], abs=0.4)
 
 
 def test_near_is_what_new_packets_have_confirmed() -> None:

@@ -62,3 +62,6 @@ def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
     ]  # fmt: skip
     everywhere = study("rendezvous").plan(Settings(24, DATA))
     assert len({case.scene for case in everywhere}) == 12
+    assert not any(case.chooses_motion for case in everywhere), "as the service flies"
+    chosen = study("rendezvous").plan(Settings(2, DATA, motion="chosen"))
+    assert [(case.scene, case.number, case.chooses_motion) for case in chosen] == [("open", 0, True), ("hall", 0, True)]
