@@ -8,7 +8,9 @@ import pytest
 
 from companion.core.messages import Vector3
 from companion.guidance.target import Target, whole_belief
-from companion.study.belief import check, share_in_band
+from companion.study.belief import PLACE_DEGREES, check, share_in_band
+from companion.study.chi_square import middle_95
+from tests.unit.companion.guidance.stone_soup import nees, particles_of, state_of
 
 FROM_M: Vector3 = (1.0, 2.0, 1.5)
 TARGET_M: Vector3 = (2.0, -1.0, 0.5)
@@ -70,3 +72,35 @@ def test_the_mean_of_a_consistent_belief_is_in_its_band_and_others_are_not() -> 
     assert share_in_band([[value / 3 for value in mission] for mission in missions], 5) == 0.0
     assert share_in_band(missions[:4], 5) is None
     assert share_in_band([], 1) is None
+
+
+def test_moments_and_nees_are_those_of_stone_soup() -> None:
+    """On the same particles and the same truths, to numerical precision; and so is whether their mean lies in its
+    band, which Stone Soup's own gates give for as many degrees."""
+    from stonesoup.hypothesiser.probability import PDAHypothesiser
+
+    rng = np.random.default_rng(4)
+    missions: list[list[float]] = []
+    oracle: list[list[float]] = []
+    for mission in range(30):
+        origins_m = _two_sources(400)[rng.permutation(400)[:200]] * rng.uniform(0.2, 3.0)
+        target = _target(origins_m, (7.0, -3.0, 0.0))
+        particles = particles_of(origins_m)
+        whole = target.whole
+        np.testing.assert_allclose(whole.origin_local_enu_m, np.asarray(particles.mean, float).reshape(3), rtol=1e-12)
+        np.testing.assert_allclose(whole.covariance_m2, particles.covar, rtol=1e-10)
+        belief = state_of(np.add(whole.origin_local_enu_m, TARGET_M), np.array(whole.covariance_m2))
+        # As wide as it says; in every third mission, far too wide or too narrow.
+        scale = (1.0, 0.3, 3.0)[mission % 3]
+        root = np.linalg.cholesky(np.array(whole.covariance_m2))
+        truths_m = np.asarray(belief.mean, float).reshape(3) + scale * rng.normal(size=(3, 3)) @ root.T
+        missions.append([check(target, TARGET_M, (x, y, z), FROM_M).nees for x, y, z in truths_m.tolist()])
+        oracle.append([nees(belief, truth_m) for truth_m in truths_m])
+    np.testing.assert_allclose(missions, oracle, rtol=1e-9)
+    for kind in range(3):
+        mean = np.mean(oracle[kind::3], axis=0)
+        degrees = PLACE_DEGREES * len(oracle[kind::3])
+        low, high = (PDAHypothesiser._gate_threshold(share, degrees) for share in (0.025, 0.975))
+        np.testing.assert_allclose(middle_95(degrees), (low, high), rtol=1e-12)
+        inside = float(np.mean((low <= degrees / 3 * mean) & (degrees / 3 * mean <= high)))
+        assert share_in_band(missions[kind::3], 10) == inside
