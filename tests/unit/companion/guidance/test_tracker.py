@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from benchmarks.own_world import ranges_m
 from companion.guidance import likelihood, regimes, tracker
 from companion.guidance.target import Target
 from companion.guidance.tracker import TargetTracker
@@ -16,7 +17,6 @@ from companion.sensing.frame_turn import FrameTurn
 from companion.sensing.records import Bearing
 from companion.study.belief import check
 from companion.study.chi_square import middle_95
-from tests.unit.companion.guidance.own_world import ranges_m
 from tests.unit.companion.guidance.stone_soup import SoupWorld, belief_of, nees, state_of
 from wsr.directions import Peak
 
@@ -261,7 +261,7 @@ def _expect_the_same(apart: Floats, ratios: Floats) -> None:
 
 def test_of_the_same_model_the_belief_is_stone_soups(monkeypatch: pytest.MonkeyPatch) -> None:
     _as_narrow_a_model(monkeypatch)
-    apart, ratios, _ = _beside_stone_soup(range(2))
+    apart, ratios, _ = _beside_stone_soup(range(1))
     _expect_the_same(apart, ratios)
 
 
@@ -287,7 +287,7 @@ def _expect_wider(ratios: Floats, of_both: Floats) -> None:
 
 def test_a_belief_that_allows_for_rooms_is_wider_than_stone_soups_and_never_narrower() -> None:
     """Where nothing is off but by white noise, which only the oracle knows."""
-    _, ratios, of_both = _beside_stone_soup(range(5))
+    _, ratios, of_both = _beside_stone_soup(range(4))
     _expect_wider(ratios, of_both)
 
 
