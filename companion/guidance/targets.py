@@ -103,9 +103,9 @@ class Targets:
         found = self._found[peer] = tracker.add(bearing, ground_m)
         if peer == self._target:
             self._nearer_m = tracker.nearer_source()
-            inside = self._inside.add(bearing, ground_m)
+            self._inside.take(bearing, ground_m)
             can_be_flown_to = self._reach(np.array([found.place(bearing.target_p_enu_m)]))[0]
-            self._instead = None if can_be_flown_to else inside
+            self._instead = None if can_be_flown_to else self._inside.target()
             self._scatter = self._scattered(tracker if can_be_flown_to else self._inside)
             self._new += bearing.fresh
             self._kind += min(1.0, bearing.fresh / _LATELY) * (float(tracker.rooms()[0]) - self._kind)

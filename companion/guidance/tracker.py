@@ -96,6 +96,11 @@ class TargetTracker:
         self._witnesses: Witnesses | None = None
 
     def add(self, bearing: Bearing, ground_m: float = -math.inf) -> Target:
+        """Takes the newest bearing, and says what all of them say."""
+        self.take(bearing, ground_m)
+        return self.target()
+
+    def take(self, bearing: Bearing, ground_m: float = -math.inf) -> None:
         """Takes the newest bearing; the ground is at `ground_m` (Up) of the local frame. One of another boot of the
         target has another origin: all before is forgotten."""
         if self._newest is None or self._newest.target_boot != bearing.target_boot:
@@ -125,8 +130,7 @@ class TargetTracker:
         self._lines.append((_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad)))
         self._note(bearing)
         self._resample()
-        self._target = self._found()
-        return self._target
+        self._target = None
 
     def rooms(self) -> _Floats:
         """(K,) probability of each of the kinds of room."""
@@ -138,7 +142,7 @@ class TargetTracker:
         if self._newest is not None:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
-            self._target = self._found()
+            self._target = None
         self._lines = deque(((place_m + delta_enu_m, along) for place_m, along in self._lines), _LINES)
         self._loudness.shift(np.array(delta_enu_m))
         if self._witnesses is not None:
@@ -171,8 +175,10 @@ class TargetTracker:
         return other
 
     def target(self) -> Target:
-        """What all bearings together say. Raises AssertionError before the first."""
-        assert self._target is not None
+        """What all bearings together say, worked out when it is first asked for. Raises AssertionError before the
+        first."""
+        if self._target is None:
+            self._target = self._found()
         return self._target
 
     def _found(self) -> Target:
