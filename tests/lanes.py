@@ -83,7 +83,7 @@ _FLIGHTS: Final = (
 
 _COMPUTING: Final = (
     "tests/property", "tests/golden", "tests/faults", "tests/unit/wsr",
-    *(f"tests/unit/companion/{room}" for room in ("guidance", "flight", "sensing", "study")),
+    *(f"tests/unit/companion/{room}" for room in ("guidance", "flight", "log", "sensing", "study")),
 )  # fmt: skip
 """About half of what computes; the other half of tests/unit has a lane of its own. Two lanes and not the workers of
 one, who would all read all modules, and take three milliseconds of processor to tell of a test."""
