@@ -26,7 +26,7 @@ class Ground:
         self._rate_hz = 0.0 if config.autopilot is None else config.autopilot.ground_hz
         self._clock = clock
         self._announcements: Announcements | None = None
-        self._telling = Beside("ground")
+        self._telling = Beside("telling of the ground")
         self.recorder = recorder
         if self.is_on:
             self.recorder = self._announcements = Announcements(recorder)
