@@ -139,9 +139,8 @@ class Telemetry:
             now_ns, clock = self._now_ns(), self._vehicle_clock
             charge = self._batteries.now(now_ns)
             can_arm = self._arming.passed(self._known.get("firmware", ""), now_ns)
-            outdated = self._outdated(now_ns)
             return VehicleState(
-                **(self._known | outdated if outdated else self._known),
+                **(self._known | self._outdated(now_ns)),
                 t_mono_ns=now_ns,
                 battery_remaining=charge.remaining,
                 battery_mono_ns=charge.mono_ns,
@@ -189,10 +188,7 @@ class Telemetry:
 
     def take_events(self) -> list[AutopilotEvent]:
         """What the autopilot has said since the last call, oldest first."""
-        events = []
-        while self._events:
-            events.append(self._events.popleft())
-        return events
+        return [self._events.popleft() for _ in range(len(self._events))]
 
     def _told(self, vehicle_ns: int, now_ns: int) -> None:
         """What a message says of the vehicle's clock: it may have restarted, or ours may have stood still."""

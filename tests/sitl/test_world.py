@@ -28,6 +28,7 @@ from csi_bridge.source import CsiSource
 from csi_bridge.unix_socket import UnixSource
 from tests.connectors import claimed, needs_netlink
 from tests.sim_scenes import scene
+from tests.vehicle_truth import vehicle_truth
 
 SPEED_M_S = 4.0
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -77,17 +78,7 @@ class _Listener:
         start_ns = time.monotonic_ns()
         while (now_ns := time.monotonic_ns()) < start_ns + duration_s * 1e9:
             way_m = min(SPEED_M_S * (now_ns - start_ns) * 1e-9, self._scenario.start_distance_m)
-            state = truth.VehicleTruth(
-                t_mono_ns=now_ns,
-                p_enu_m=(way_m, 0.0, 0.4),
-                v_enu_m_s=(SPEED_M_S, 0.0, 0.0),
-                yaw_enu_rad=0.0,
-                mode="OFFBOARD",
-                armed=True,
-                setpoints=0,
-                setpoints_in_offboard=0,
-                offboard_s=0.0,
-            )
+            state = vehicle_truth(now_ns, (way_m, 0.0, 0.4), (SPEED_M_S, 0.0, 0.0))
             self._out.sendto(truth.encode(state), self._scenario.truth_in)
             time.sleep(0.01)
             self._drain()
@@ -206,18 +197,7 @@ def test_it_waits_for_the_vehicle_and_ignores_who_is_not_there(tmp_path: Path) -
             time.sleep(0.2)
             assert list(_waiting(poses)) == [], "nothing may happen before the vehicle is there"
             for _ in range(20):
-                now_ns = time.monotonic_ns()
-                state = truth.VehicleTruth(
-                    t_mono_ns=now_ns,
-                    p_enu_m=(0.0, 0.0, 0.0),
-                    v_enu_m_s=(0.0, 0.0, 0.0),
-                    yaw_enu_rad=0.0,
-                    mode="HOLD",
-                    armed=False,
-                    setpoints=0,
-                    setpoints_in_offboard=0,
-                    offboard_s=0.0,
-                )
+                state = vehicle_truth(time.monotonic_ns(), (0.0, 0.0, 0.0), mode="HOLD")
                 out.sendto(truth.encode(state), scenario.truth_in)
                 time.sleep(0.01)
             assert len(list(_waiting(poses))) > 5, "poses flow although no CSI socket and no demo is there"

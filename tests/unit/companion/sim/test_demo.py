@@ -18,6 +18,7 @@ from companion.sim import truth
 from companion.sim.stage import Stage
 from tests.control_socket import serving
 from tests.paths import ROOT
+from tests.vehicle_truth import vehicle_truth
 
 _PERIOD_S = 0.05
 
@@ -57,20 +58,9 @@ class Cast:
 
 
 def _hovering(now_ns: int) -> truth.WorldTruth:
-    vehicle = truth.VehicleTruth(
-        t_mono_ns=now_ns,
-        p_enu_m=(0.0, 0.0, 1.5),
-        v_enu_m_s=(0.0, 0.0, 0.0),
-        yaw_enu_rad=0.0,
-        mode="OFFBOARD",
-        armed=True,
-        setpoints=0,
-        setpoints_in_offboard=0,
-        offboard_s=0.0,
-    )
     return truth.WorldTruth(
         t_mono_ns=now_ns,
-        vehicle=vehicle,
+        vehicle=vehicle_truth(now_ns, (0.0, 0.0, 1.5)),
         uav_antenna_enu_m=(0.0, 0.0, 1.5),
         beacon_antenna_enu_m=(15.0, 0.0, 0.2),
         beacon_v_enu_m_s=(0.0, 0.0, 0.0),

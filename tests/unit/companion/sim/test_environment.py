@@ -10,23 +10,14 @@ import pytest
 from companion.sim import truth
 from companion.sim.environment import Sample, World
 from companion.sim.stage import Card, set_stage
+from tests.vehicle_truth import vehicle_truth
 
 _START_NS = 5_000_000_000
 _STEP_NS = 10_000_000
 
 
 def _state(t_mono_ns: int) -> truth.VehicleTruth:
-    return truth.VehicleTruth(
-        t_mono_ns=t_mono_ns,
-        p_enu_m=((t_mono_ns - _START_NS) * 1e-9, 0.0, 1.0),
-        v_enu_m_s=(1.0, 0.0, 0.0),
-        yaw_enu_rad=0.0,
-        mode="OFFBOARD",
-        armed=True,
-        setpoints=0,
-        setpoints_in_offboard=0,
-        offboard_s=0.0,
-    )
+    return vehicle_truth(t_mono_ns, ((t_mono_ns - _START_NS) * 1e-9, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("card", ["5300", "ax210"])
