@@ -69,6 +69,7 @@ def fly(scenario: Scenario, is_real: bool = False) -> Trace:
             loop.run_until_complete(world.run())
         return world.trace
     finally:
+        loop.close()
         logging.getLogger("companion").setLevel(logging.NOTSET)
 
 
