@@ -30,7 +30,13 @@ async def flying(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     with GroundLink() if beside else nullcontext() as ground:
         options = () if ground is None else ground.options
         async with running(
-            folder, autopilot=autopilot, page=page, px4_options=options, foxglove=live, beside=beside
+            folder,
+            autopilot=autopilot,
+            page=page,
+            px4_options=options,
+            foxglove=live,
+            beside=beside,
+            hold_limit_s=600.0,  # on a slow machine bearings may stay away for longer than a test of one mission waits
         ) as started:
             started.ground = ground
             yield started
