@@ -6,6 +6,7 @@ import asyncio
 import logging
 import math
 import random
+from collections.abc import Sequence
 from typing import Any, Final, cast
 from unittest import mock
 
@@ -23,6 +24,7 @@ from companion.sensing.iterations import SarIterations
 from companion.sensing.lookalikes import Lookalikes
 from companion.sim.px4.commander import Mode
 from companion.study.virtual_parts import BEACON_ID
+from tests.faults.missions.port import Started
 from tests.faults.missions.reality import Reality, RealSenses
 from tests.faults.missions.scenario import MOST_S, Fault, Scenario
 from tests.faults.missions.target import DrawnSenses, NoPoses
@@ -260,7 +262,7 @@ class World:
     def note_datagram(self) -> None:
         self._datagram_ns = self.clock.t_ns
 
-    def give_poses(self, service: Service, poses: list[Pose]) -> None:
+    def give_poses(self, service: Started, poses: Sequence[Pose]) -> None:
         """The tracker's, with what is wrong with it now."""
         word = self.word("poses")
         if word == "silent":

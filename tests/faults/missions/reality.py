@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -30,12 +30,10 @@ from companion.sim.trajectory import BeaconDrive, VehicleTrack
 from companion.study.link import room, scenario
 from companion.study.virtual_mission import with_levers
 from companion.study.virtual_parts import BEACON_ID, UAV_ID, CameraFeed, InlineWorker, RadioFeed
+from tests.faults.missions.port import Around, Started
 from tests.faults.missions.scenario import Fault, Scenario
 from wsr.channel import wavelength_m
 from wsr.displacement import antenna_positions
-
-if TYPE_CHECKING:
-    from tests.faults.missions.fly import Service, World
 
 ANTENNA_M: Final[Vector3] = (0.06, 0.03, -0.05)
 _BEACON_ANTENNA_M: Final[Vector3] = (0.0, 0.0, 0.5)
@@ -91,7 +89,7 @@ class Reality:
         self.now_s = 0.0
         self._steps = 0
 
-    def go_on(self, world: World, service: Service | None) -> None:
+    def go_on(self, world: Around, service: Started | None) -> None:
         """Up to the clock's time. Without a `service` that hears it, what was sent is gone."""
         from_s, self.now_s = self.now_s, world.clock.t_ns / NS_PER_S
         airframe = world.vehicle.airframe
@@ -146,7 +144,7 @@ class FaultyWorker(InlineWorker):
 class RealSenses:
     """What one start of the service has between the radio and its bearings."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: Around) -> None:
         config, clock = world.scenario.config, world.clock
         self._clock = clock
         self.window = SarWindow(
@@ -164,14 +162,14 @@ class RealSenses:
     def is_related(self) -> bool:
         return not self.neighbours[BEACON_ID].not_locked(self._clock.t_ns)
 
-    def apply(self, world: World) -> None:
+    def apply(self, world: Around) -> None:
         self.worker.does = world.word("worker")
 
-    def turn(self, world: World, service: Service) -> None:
+    def turn(self, world: Around, service: Started) -> None:
         """All of it came from `Reality.go_on`; here are the answers that are due."""
         self.worker.give(service.sar, world.clock.t_ns)
 
-    def hear(self, world: World, service: Service, samples: list[ChannelSample], datagrams: list[bytes]) -> None:
+    def hear(self, world: Around, service: Started, samples: list[ChannelSample], datagrams: list[bytes]) -> None:
         if not world.lasts("packets"):
             for sample in samples:
                 self.window.add_sample(sample)

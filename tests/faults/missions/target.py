@@ -7,7 +7,7 @@ import math
 import random
 from collections import deque
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +21,10 @@ from companion.sensing.iterations import SarIterations
 from companion.sensing.window import ApertureReport
 from companion.sensing.worker_wire import AoaResult
 from companion.study.virtual_parts import BEACON_ID
+from tests.faults.missions.port import Around, Started
 from tests.faults.missions.timeless import MissionClock
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
-
-if TYPE_CHECKING:
-    from tests.faults.missions.fly import Service, World
 
 _BOOT = 1
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -116,7 +114,7 @@ class NoPoses:
 class DrawnSenses:
     """What one start of the service has in place of window, worker, poses and the receiver of datagrams."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: Around) -> None:
         clock, step_ns = world.clock, world.scenario.step_ns
         target = FoundNeighbour(world.scenario.target_enu_m)
         self._target = target
@@ -132,11 +130,11 @@ class DrawnSenses:
     def is_related(self) -> bool:
         return not self._target.clock_lost
 
-    def apply(self, world: World) -> None:
+    def apply(self, world: Around) -> None:
         self._target.clock_lost = world.lasts("clock")
         self.worker.does = world.word("worker")
 
-    def turn(self, world: World, service: Service) -> None:
+    def turn(self, world: Around, service: Started) -> None:
         now_ns, airframe = world.clock.t_ns, world.vehicle.airframe
         self.window.note(airframe.estimated_p_enu_m)
         p_m, v_m_s = airframe.p_enu_m, airframe.v_enu_m_s
