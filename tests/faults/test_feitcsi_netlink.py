@@ -20,7 +20,6 @@ from csi_bridge.feitcsi.netlink import (
 from csi_bridge.feitcsi.parser import parse_record
 from csi_bridge.feitcsi.rate import Format
 from csi_bridge.feitcsi.records import FEITCSI_CODE, FeitRecord
-from csi_bridge.generic_netlink import family_number
 from csi_bridge.netlink import NetlinkError
 from csi_bridge.source import CsiSource, SourceCounters
 from tests import feit_records
@@ -143,15 +142,6 @@ def test_a_kernel_without_the_driver_says_so() -> None:
         VendorEventSource("none0")
     with pytest.raises(NetlinkError, match="lo: asking for its CSI"):
         VendorEventSource("lo")
-
-
-def test_the_kernels_own_family_is_found_by_name() -> None:
-    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 16) as opened:
-        opened.settimeout(2)
-        opened.bind((0, 0))
-        assert family_number(opened, "nlctrl") == 0x10
-        with pytest.raises(OSError, match="No such file"):
-            family_number(opened, "no such family")
 
 
 def test_a_listener_is_seen_and_one_that_is_not_there_is_no_error() -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wsr.aoa import AoaEstimate
+from wsr.aperture import Aperture, make_aperture
+from wsr.geometry import direction, great_circle
 from wsr.ofdm import GRID_5300
 
 Array = NDArray[np.float64]
@@ -87,3 +91,17 @@ def exchange(
 def far(p: Array, u: Array, distance_m: float = 20_000.0) -> Array:
     """Position (1, 3) of a transmitter so far off the mean of p (M, 3) along u that its waves are flat."""
     return np.asarray((p.mean(axis=0) + distance_m * u)[None, :])
+
+
+def aperture_towards(t: Array, p: Array, source: Array, **scene: float) -> Aperture:
+    """What an `exchange` with a source at (1, 3) gives along the path."""
+    forward, reverse = exchange(p, source, **scene)  # type: ignore[arg-type]
+    product = (forward * reverse).mean(axis=1)
+    return make_aperture(t, p, product, WAVELENGTH_M, forward=forward, reverse=reverse)
+
+
+def error_deg(estimate: AoaEstimate, source: Array) -> float:
+    """Great circle from the estimate to the source at (1, 3), seen from the estimate's reference point."""
+    to = source[0] - np.array(estimate.reference_p_m)
+    u = to / np.linalg.norm(to)
+    return math.degrees(great_circle(direction(estimate.azimuth_rad, estimate.polar_rad), u))

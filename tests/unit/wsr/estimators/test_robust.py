@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 
 from tests.paths import ROOT
-from tests.unit.wsr.scene import WAVELENGTH_M, Array, circle, exchange, round_trip, weave
+from tests.unit.wsr.scene import WAVELENGTH_M, aperture_towards, circle, error_deg, exchange, round_trip, weave
 from wsr.aoa import AoaEstimate
-from wsr.aperture import Aperture, make_aperture
+from wsr.aperture import make_aperture
 from wsr.errors import ApertureError
-from wsr.estimators import ESTIMATORS
 from wsr.estimators.options import RobustOptions
 from wsr.estimators.robust import Robust
 from wsr.geometry import angles, direction, great_circle, wrap_angle
@@ -26,23 +25,11 @@ from wsr.geometry import angles, direction, great_circle, wrap_angle
 U = direction(2.1, 1.35)
 
 
-def _aperture(t: Array, p: Array, source: Array, **scene: float) -> Aperture:
-    forward, reverse = exchange(p, source, **scene)  # type: ignore[arg-type]
-    product = (forward * reverse).mean(axis=1)
-    return make_aperture(t, p, product, WAVELENGTH_M, forward=forward, reverse=reverse)
-
-
-def _error_deg(estimate: AoaEstimate, source: Array) -> float:
-    to = source[0] - np.array(estimate.reference_p_m)
-    u = to / np.linalg.norm(to)
-    return math.degrees(great_circle(direction(estimate.azimuth_rad, estimate.polar_rad), u))
-
-
 def test_near_source_in_direction_and_range() -> None:
     t, p = weave(900)
     source = (p.mean(axis=0) + 4.0 * U)[None, :]
-    estimate, profile = Robust().estimate(_aperture(t, p, source))
-    assert _error_deg(estimate, source) < 0.2
+    estimate, profile = Robust().estimate(aperture_towards(t, p, source))
+    assert error_deg(estimate, source) < 0.2
     assert estimate.range_observable
     assert estimate.range_m == pytest.approx(4.0, rel=0.1)
     assert estimate.azimuth_observable
@@ -59,17 +46,17 @@ def test_plane_waves_are_biased_where_spherical_ones_are_not() -> None:
     s = np.linspace(0, 1, 700)[:, None]
     p = np.hstack([0.9 * s**2, 0.7 * np.sin(2.5 * s), 0.35 * np.sin(4 * s)])
     source = (p.mean(axis=0) + 2.5 * U)[None, :]
-    aperture = _aperture(s[:, 0] * 4, p, source)
+    aperture = aperture_towards(s[:, 0] * 4, p, source)
     flat, _ = Robust(RobustOptions(focus=False)).estimate(aperture)
     round_, _ = Robust().estimate(aperture)
-    assert _error_deg(round_, source) < 0.3
-    assert _error_deg(flat, source) > 2 * _error_deg(round_, source)
+    assert error_deg(round_, source) < 0.3
+    assert error_deg(flat, source) > 2 * error_deg(round_, source)
 
 
 def test_level_path_gives_azimuth_and_says_what_it_cannot() -> None:
     t, p = circle(900)
     source = (p.mean(axis=0) + 5.0 * direction(-1.9, math.radians(80)))[None, :]
-    estimate, _ = Robust().estimate(_aperture(t, p, source))
+    estimate, _ = Robust().estimate(aperture_towards(t, p, source))
     assert estimate.azimuth_rad == pytest.approx(-1.9, abs=math.radians(1))
     assert estimate.azimuth_observable
     assert not estimate.polar_observable
@@ -84,7 +71,7 @@ def test_near_source_above_a_long_level_path(polar_deg: float, azimuth_deg: floa
     s = np.linspace(0, 1, 400)
     p = np.stack([2.6 * s, 0.3 * np.sin(2 * np.pi * s), 0 * s], axis=1)
     source = (p.mean(axis=0) + 2.0 * direction(math.radians(azimuth_deg), math.radians(polar_deg)))[None, :]
-    estimate, _ = Robust().estimate(_aperture(3 * s, p, source))
+    estimate, _ = Robust().estimate(aperture_towards(3 * s, p, source))
     off = wrap_angle(estimate.azimuth_rad - math.radians(azimuth_deg))
     assert abs(math.degrees(off)) < 2
 
@@ -107,13 +94,13 @@ def test_product_in_any_unit(unit: float, one_way: bool) -> None:
     t, p = weave(600)
     source = (p.mean(axis=0) + 5.0 * U)[None, :]
     aperture = make_aperture(t, p, unit * round_trip(p, source), WAVELENGTH_M)
-    assert _error_deg(Robust(RobustOptions(one_way=one_way)).estimate(aperture)[0], source) < 0.5
+    assert error_deg(Robust(RobustOptions(one_way=one_way)).estimate(aperture)[0], source) < 0.5
 
 
 def test_straight_path_claims_nothing() -> None:
     t = np.linspace(0, 3, 500)
     p = t[:, None] * np.array([0.4, 0.2, 0.0])
-    estimate, _ = Robust().estimate(_aperture(t, p, (p.mean(axis=0) + 6 * U)[None, :]))
+    estimate, _ = Robust().estimate(aperture_towards(t, p, (p.mean(axis=0) + 6 * U)[None, :]))
     assert not estimate.azimuth_observable
     assert not estimate.polar_observable
     assert estimate.crb_rad == math.inf
@@ -126,9 +113,9 @@ def test_first_path_wins_over_a_stronger_late_one() -> None:
     forward, reverse = exchange(p, source, echo=(wall[None, :], 1.15))
     aperture = make_aperture(t, p, (forward * reverse).mean(1), WAVELENGTH_M, forward=forward, reverse=reverse)
     estimate, _ = Robust().estimate(aperture)
-    assert _error_deg(estimate, source) < 3.0
+    assert error_deg(estimate, source) < 3.0
     late, _ = Robust(RobustOptions(delay_ns=None)).estimate(aperture)
-    assert _error_deg(late, source) > 20.0
+    assert error_deg(late, source) > 20.0
 
 
 @pytest.mark.parametrize(
@@ -147,20 +134,20 @@ def test_first_path_wins_over_a_stronger_late_one() -> None:
 def test_every_step_can_be_switched_off(options: RobustOptions) -> None:
     t, p = weave(600)
     source = (p.mean(axis=0) + 5.0 * U)[None, :]
-    estimate, _ = Robust(options).estimate(_aperture(t, p, source))
-    assert _error_deg(estimate, source) < 0.5
+    estimate, _ = Robust(options).estimate(aperture_towards(t, p, source))
+    assert error_deg(estimate, source) < 0.5
 
 
 def test_less_data_is_enough() -> None:
     t, p = weave(600)
     source = (p.mean(axis=0) + 5.0 * U)[None, :]
-    full = _aperture(t, p, source)
+    full = aperture_towards(t, p, source)
     assert full.forward is not None
     assert full.reverse is not None
     one = replace(full, forward=full.forward[:, 14:15], reverse=full.reverse[:, 14:15])
     none = replace(full, forward=None, reverse=None, channel=one.forward[:, 0] * one.reverse[:, 0])  # type: ignore[index, arg-type]
     for aperture in (one, none):
-        assert _error_deg(Robust().estimate(aperture)[0], source) < 1.0
+        assert error_deg(Robust().estimate(aperture)[0], source) < 1.0
 
 
 def test_noise_alone_is_not_reliable() -> None:
@@ -176,7 +163,7 @@ def test_noise_alone_is_not_reliable() -> None:
 def test_errors_stay_within_three_deviations(seed: int) -> None:
     t, p = weave(400)
     source = (p.mean(axis=0) + 6.0 * U)[None, :]
-    estimate, _ = Robust().estimate(_aperture(t, p, source, noise=0.5, seed=seed))
+    estimate, _ = Robust().estimate(aperture_towards(t, p, source, noise=0.5, seed=seed))
     azimuth, polar = angles(source[0] - np.array(estimate.reference_p_m))
     assert abs(estimate.azimuth_rad - azimuth) < 3 * estimate.azimuth_std_rad
     assert abs(estimate.polar_rad - polar) < 3 * estimate.polar_std_rad
@@ -184,56 +171,8 @@ def test_errors_stay_within_three_deviations(seed: int) -> None:
 
 def test_estimate_goes_over_the_wire() -> None:
     t, p = weave(300)
-    estimate, _ = Robust().estimate(_aperture(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
+    estimate, _ = Robust().estimate(aperture_towards(t, p, (p.mean(axis=0) + 6.0 * U)[None, :]))
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(estimate), type=AoaEstimate) == estimate
-
-
-def test_estimators_by_name() -> None:
-    t, p = weave(600)
-    source = (p.mean(axis=0) + 40.0 * U)[None, :]
-    for name in ("bartlett", "robust", "music"):
-        estimate, _ = ESTIMATORS[name]().estimate(_aperture(t, p, source))
-        assert _error_deg(estimate, source) < 2.0, name
-
-
-_PROGRAM = """
-import sys
-from numba.core.registry import CPUDispatcher
-import numpy as np
-from tests.unit.wsr.scene import WAVELENGTH_M, circle, exchange, weave
-from wsr.aperture import make_aperture
-from wsr.estimators import ESTIMATORS, warm_up
-
-def compiled():
-    found = {}
-    for name, module in list(sys.modules.items()):
-        if name.startswith("wsr"):
-            for value in vars(module).values():
-                if isinstance(value, CPUDispatcher):
-                    found[value.py_func.__module__, value.__name__] = len(value.signatures)
-    return found
-
-warm_up(sys.argv[1])
-before = compiled()
-for path in (weave(60), weave(220), weave(900), circle(300)):
-    t, p = path
-    there, back = exchange(p, p.mean(axis=0) + np.array([[4.0, 3.0, -1.0]]))
-    aperture = make_aperture(t, p, (there * back).mean(axis=1), WAVELENGTH_M, forward=there, reverse=back)
-    ESTIMATORS[sys.argv[1]]().estimate(aperture)
-more = [name for name, count in compiled().items() if count != before.get(name)]
-assert not more, more
-"""
-
-
-@pytest.mark.parametrize(
-    "name", ["robust", *(pytest.param(one, marks=pytest.mark.long) for one in ("bartlett", "music"))]
-)
-def test_nothing_is_compiled_after_the_warm_up(name: str) -> None:
-    """The first real aperture must not be the one that compiles: the worker would be taken for one that hangs."""
-    ended = subprocess.run(
-        [sys.executable, "-c", _PROGRAM, name], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
 
 
 _DIGEST = """
