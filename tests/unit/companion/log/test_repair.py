@@ -12,7 +12,7 @@ from companion.log.reader import LogScan, open_session
 from companion.log.repair import copy, repair
 from companion.log.writer import LogWriter
 from tests.log_commands import FLIGHT, Run
-from tests.unit.companion.log.written import METADATA_VALUES, foreign, log_of
+from tests.unit.companion.log.written import foreign, log_of
 
 
 def test_repair_makes_a_cut_log_whole_and_replayable(companion: Run, tmp_path: Path) -> None:
@@ -110,17 +110,3 @@ def test_a_failed_repair_leaves_no_target(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(CompanionError, match="No space left"):
         repair(path, tmp_path / "out.mcap")
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_two_encodings_of_one_topic_stay_apart(tmp_path: Path) -> None:
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as file:
-        writer = LogWriter(file, METADATA_VALUES)
-        writer.copy("/p", "json", ("Pose", "jsonschema", b"{}"), (1, 1), 0, b"{}")
-        writer.copy("/p", "cdr", ("Pose", "ros2msg", b"x"), (2, 2), 0, b"\0")
-        writer.finish()
-    repair(path, tmp_path / "out.mcap")
-    assert [(m.encoding, m.schema) for m in LogScan(tmp_path / "out.mcap")] == [
-        ("json", ("Pose", "jsonschema", b"{}")),
-        ("cdr", ("Pose", "ros2msg", b"x")),
-    ]
