@@ -20,16 +20,8 @@ class Found:
     polar_rad: float
 
 
-def top_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, polar_observable: bool) -> Axes:
+def top_view(tmp_path: Path, figures: list[Figure], polar_observable: bool) -> Axes:
     """Draws a picture, checks that it is one, and gives its left half."""
-    figures: list[Figure] = []
-    save = Figure.savefig
-
-    def saved(figure: Figure, path: Path, dpi: int) -> None:
-        figures.append(figure)
-        save(figure, path, dpi=dpi)
-
-    monkeypatch.setattr(Figure, "savefig", saved)
     power = np.random.default_rng(1).random((180, 360)).astype(np.float32)
     path = tmp_path / "new" / "p.png"
     estimate = Found(np.radians(40.0), np.radians(70.0))
@@ -40,14 +32,14 @@ def top_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, polar_observable: 
     return figures[0].axes[0]
 
 
-def test_an_estimate_with_both_angles_is_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = {line.get_label(): line for line in top_view(tmp_path, monkeypatch, True).get_lines()}
+def test_an_estimate_with_both_angles_is_a_circle(tmp_path: Path, shown: list[Figure]) -> None:
+    lines = {line.get_label(): line for line in top_view(tmp_path, shown, True).get_lines()}
     assert np.asarray(lines["estimate"].get_xydata()) == pytest.approx(np.array([[40.0, 20.0]]))
     assert lines["estimate"].get_marker() == "o"
 
 
-def test_an_estimate_of_the_azimuth_only_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    axes = top_view(tmp_path, monkeypatch, False)
+def test_an_estimate_of_the_azimuth_only_is_a_line(tmp_path: Path, shown: list[Figure]) -> None:
+    axes = top_view(tmp_path, shown, False)
     lines = {line.get_label(): line for line in axes.get_lines()}
     assert "estimate" not in lines
     assert np.asarray(lines["estimate (azimuth only)"].get_xdata()) == pytest.approx([40.0, 40.0])

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from companion.config.file import load_config
 from companion.core.clock import MonotonicClock
 from companion.core.messages import Pose
 from companion.errors import CompanionError
-from companion.pose.opening import open_poses
 from companion.pose.recording import FilePoses
-from tests.paths import CONFIGS
 
 _CLOCK = MonotonicClock()
 
@@ -26,11 +22,6 @@ async def test_a_recording_of_places_alone_is_played_level(tmp_path: Path) -> No
     await source.run()
     assert [pose.p_enu_m for pose in got] == [(0, 2, 0.2), (0.1, 2, 0.2), (0.2, 2, 0.2)]
     assert {pose.q_enu_from_body for pose in got} == {(1.0, 0.0, 0.0, 0.0)} and not source.has_attitudes
-    config = load_config(CONFIGS / "demo-uav.yaml")
-    recorded = replace(config, pose=replace(config.pose, source="recording", recording=str(path)))
-    with pytest.raises(CompanionError, match=r"has no attitudes, .* pose.antenna_m .*; expected \[0, 0, 0\]"):
-        open_poses(recorded, _CLOCK, got.append)
-    open_poses(replace(recorded, pose=replace(recorded.pose, antenna_m=(0.0, 0.0, 0.0))), _CLOCK, got.append).close()
 
 
 async def test_a_clock_that_stepped_back_for_a_moment_costs_those_poses(tmp_path: Path) -> None:
