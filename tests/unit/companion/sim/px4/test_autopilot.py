@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
@@ -16,36 +15,6 @@ from tests.unit.companion.sim.px4.client import HOLD, LAND, OFFBOARD, POSITION_V
 @pytest.fixture
 def client() -> Client:
     return Client(parameters={"COM_OBL_RC_ACT": 5, "MIS_TAKEOFF_ALT": 1.5})
-
-
-def test_streams_keep_their_rates(client: Client) -> None:
-    client.run(10)
-    for name, low, high in [
-        ("HEARTBEAT", 10, 11),
-        ("LOCAL_POSITION_NED", 300, 303),
-        ("ATTITUDE", 499, 502),
-        ("EXTENDED_SYS_STATE", 50, 51),
-        ("SYS_STATUS", 50, 51),
-        ("BATTERY_STATUS", 5, 6),
-        ("CURRENT_MODE", 5, 6),
-        ("HOME_POSITION", 5, 6),
-    ]:
-        assert low <= len(client.messages(name)) <= high, name
-
-
-def test_message_interval_can_be_set_but_not_the_heartbeats(client: Client) -> None:
-    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20_000) == [
-        0
-    ]
-    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_CURRENT_MODE, 50_000) == [0]
-    assert client.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_HEARTBEAT, 100_000) == [4]
-    client.run(2)
-    assert 100 <= len(client.messages("LOCAL_POSITION_NED")) <= 102
-    assert len(client.messages("CURRENT_MODE")) <= 6, "only after an update of the vehicle's status, 2 Hz at rest"
-    before = len(client.messages("CURRENT_MODE"))
-    client.px4.commander.pilot_mode(Mode.POSCTL)
-    client.run(0.06)
-    assert client.messages("CURRENT_MODE")[before].custom_mode == 3 << 16
 
 
 def test_version_timesync_and_unknown_commands(client: Client) -> None:
@@ -62,24 +31,6 @@ def test_version_timesync_and_unknown_commands(client: Client) -> None:
     assert client.messages("TIMESYNC")[-1].tc1 - answer.tc1 == 2 * NS_PER_S
     client.send(mavlink.MAVLink_timesync_message(5, 6))
     assert client.px4.link.timesync_answers == 1
-
-
-def test_parameters_carry_integers_byte_by_byte(client: Client) -> None:
-    client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"COM_OBL_RC_ACT", -1))
-    value = client.messages("PARAM_VALUE")[-1]
-    assert value.param_type == mavlink.MAV_PARAM_TYPE_INT32
-    assert struct.unpack("<i", struct.pack("<f", value.param_value))[0] == 5
-    client.send(mavlink.MAVLink_param_set_message(1, 1, b"MIS_TAKEOFF_ALT", 2.0, mavlink.MAV_PARAM_TYPE_REAL32))
-    assert client.messages("PARAM_VALUE")[-1].param_value == 2.0
-    four = struct.unpack("<f", struct.pack("<i", 4))[0]
-    client.send(mavlink.MAVLink_param_set_message(1, 1, b"COM_OBL_RC_ACT", four, mavlink.MAV_PARAM_TYPE_INT32))
-    assert client.px4.commander.parameters["COM_OBL_RC_ACT"] == 4
-    before = len(client.messages("PARAM_VALUE"))
-    client.send(mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1))
-    client.send(mavlink.MAVLink_param_set_message(1, 1, b"NO_SUCH", 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
-    assert len(client.messages("PARAM_VALUE")) == before
-    client.send(mavlink.MAVLink_param_request_list_message(1, 1))
-    assert len(client.messages("PARAM_VALUE")) == before + len(client.px4.commander.parameters)
 
 
 def test_bytes_that_are_no_mavlink_are_ignored(client: Client) -> None:
