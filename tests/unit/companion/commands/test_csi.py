@@ -14,7 +14,6 @@ from click.testing import CliRunner, Result
 from companion.cli import program
 from companion.errors import CompanionError
 from csi_bridge.feitcsi.encoder import encode_record
-from csi_bridge.feitcsi.rate import Format
 from tests import csi_records, feit_records
 from tests.csi_records import log_of, needs_data
 from tests.feit_records import CAPTURES, needs_captures, write_log
@@ -61,20 +60,6 @@ def test_a_recorded_log_of_the_other_card_is_described(tmp_path: Path) -> None:
     assert (content["widths_mhz"], content["subcarriers"], content["records"]["cut_off"]) == ([20], [30], 1)
     assert len(content["senders"]) == 3
     assert content["antennas"]["A"] > content["antennas"]["B"] + 20
-
-
-def test_damage_and_mixed_formats_are_counted(tmp_path: Path) -> None:
-    good = [
-        encode_record(feit_records.record(*kind, seed=number, stamp_us=1000 * number))
-        for number, kind in enumerate([(Format.HT, 20), (Format.HE, 80), (Format.HT, 20), (Format.HT, 20)])
-    ]
-    log = tmp_path / "log.csi"
-    log.write_bytes(b"".join([*good[:2], b"junk!", *good[2:], good[0][:300]]))
-    content = described(tmp_path, log)
-    assert content["records"] == {"whole": 4, "damaged": 1, "cut_off": 1, "skipped_bytes": 5, "cut_off_bytes": 300}
-    assert content["kinds"] == {"HT 20 MHz": 3, "HE 80 MHz": 1}
-    assert (content["widths_mhz"], content["subcarriers"]) == ([20, 80], [56, 996])
-    assert content["span_s"] == pytest.approx(3e-3)
 
 
 def test_pictures_are_drawn_for_both_cards(tmp_path: Path) -> None:
