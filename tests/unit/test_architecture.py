@@ -23,6 +23,43 @@ from tests.paths import ROOT
 _ROOT_MODULES = {"__init__", "__main__", "app", "cli", "errors"}
 _OF_NO_MODULE = {"wsr/test_errata.py"}
 """The paper's equations as printed, which stand in no module because they do not hold."""
+_COVERED_BY = {
+    "companion/__main__.py": "unit/companion/test_cli.py",
+    "companion/app.py": "faults/test_endings.py",
+    "companion/autopilot/port.py": "unit/companion/autopilot/test_delegating.py",
+    "companion/autopilot/rates.py": "unit/companion/autopilot/test_mavsdk_edge.py",
+    "companion/commands/feed.py": "sitl/test_feed_and_doctor.py",
+    "companion/commands/log.py": "unit/companion/log/test_export.py",
+    "companion/commands/report.py": "unit/companion/analysis/test_imported.py",
+    "companion/commands/run.py": "sitl/flight/test_service_ends.py",
+    "companion/config/tag_camera.py": "unit/companion/config/test_rules.py",
+    "companion/core/recorder.py": "unit/companion/log/test_recorder.py",
+    "companion/flight/records.py": "unit/companion/flight/test_knowledge.py",
+    "companion/live/server.py": "unit/companion/roles/test_live.py",
+    "companion/roles/beacon_service.py": "sitl/test_demo.py",
+    "companion/roles/fed.py": "unit/companion/roles/test_page.py",
+    "companion/roles/health.py": "unit/test_foxglove_layout.py",
+    "companion/roles/node.py": "faults/test_long_mission.py",
+    "companion/roles/team.py": "sitl/flight/test_team.py",
+    "companion/roles/uav.py": "faults/test_vehicle_faults.py",
+    "companion/roles/uav_service.py": "sitl/flight/test_engaging.py",
+    "companion/signing/relay.py": "sitl/test_signing_relay.py",
+    "companion/signing/told.py": "sitl/test_signing_relay.py",
+    "companion/sim/px4/report.py": "sitl/test_px4_process.py",
+    "companion/sim/world.py": "sitl/test_world.py",
+    "companion/study/study.py": "unit/companion/study/test_catalogue.py",
+    "companion/study/virtual_mission.py": "unit/companion/study/test_rendezvous.py",
+    "companion/tak/sender.py": "unit/companion/roles/test_tak.py",
+    "companion/team/records.py": "unit/companion/team/test_process.py",
+    "csi_bridge/feitcsi/netlink.py": "faults/test_feitcsi_netlink.py",
+    "csi_bridge/netlink.py": "faults/test_csi_netlink.py",
+    "csi_bridge/source.py": "unit/csi_bridge/test_unix_socket.py",
+    "wsr/aoa.py": "unit/wsr/estimators/test_robust.py",
+    "wsr/errors.py": "unit/wsr/test_aperture.py",
+    "wsr/estimators/options.py": "unit/wsr/estimators/test_robust.py",
+}
+"""Modules that no test file is named after, and where below tests/ theirs are: protocols, shapes of data, and wiring
+that is a flow or nothing."""
 _MATHS = {"__future__", "collections", "dataclasses", "functools", "math", "numba", "numpy", "typing", "wsr"}
 _OF_SOURCES = {"hashlib", "inspect"}
 """What `wsr.machine_code` may import beside: it reads the package's own files to tell what cached code is made of."""
@@ -89,6 +126,30 @@ def test_tests_stand_where_the_name_of_their_module_leads() -> None:
         if not module.is_file() and not module.with_suffix("").joinpath("__init__.py").is_file():
             strays.append(name)
     assert not strays, f"{', '.join(sorted(strays))}: there is no such module; its tests belong to those they test"
+
+
+def test_every_module_has_its_tests_where_its_name_leads() -> None:
+    """Or in one file or more that begin with its name; else the table says where they are."""
+    modules = [path.relative_to(ROOT) for package in _PACKAGES for path in package.rglob("*.py")]
+    own = {module.as_posix(): _has_tests(module) for module in modules if _defines(module)}
+    lost = {name for name, has_tests in own.items() if not has_tests} - _COVERED_BY.keys()
+    assert not lost, f"{', '.join(sorted(lost))}: no tests where the name leads; write them, or say where they are"
+    found = {name for name in _COVERED_BY if own.get(name, True)}
+    assert not found, f"{', '.join(sorted(found))}: there is no such module, or it has tests of its own: no row"
+    gone = {name for name, where in _COVERED_BY.items() if not (ROOT / "tests" / where).is_file()}
+    assert not gone, f"{', '.join(sorted(gone))}: the file with its tests is not there"
+
+
+def _has_tests(module: Path) -> bool:
+    path = module.parent if module.name == "__init__.py" else module.with_suffix("")
+    folder = ROOT / "tests" / "unit" / path.parent
+    return any([(folder / f"test_{path.name}.py").is_file(), *folder.glob(f"test_{path.name}_*.py")])
+
+
+def _defines(module: Path) -> bool:
+    """A package's face that only speaks of the room needs no test."""
+    body = ast.parse((ROOT / module).read_text()).body
+    return module.name != "__init__.py" or any(isinstance(one, ast.FunctionDef | ast.ClassDef) for one in body)
 
 
 @pytest.mark.parametrize("module", _WSR, ids=lambda module: module.name)

@@ -1,0 +1,19 @@
+"""What passes to the process that computes the team comes out as it went in."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from companion.team.news import LENGTH, News, framed
+from companion.team.records import RawSighting
+
+
+def test_news_come_back_whole_with_what_was_not_observed_infinite() -> None:
+    sighting = RawSighting(1, 2, 7, 9, 0.5, 0.02, 1.5, math.inf, None, math.inf, 0.8, 1.0, 3)
+    news = News(10, [(2, 1, 9, (1.0, 2.0, 3.0))], [sighting])
+    data = framed(news)
+    (size,) = LENGTH.unpack_from(data)
+    assert size == len(data) - LENGTH.size
+    assert msgspec.msgpack.decode(data[LENGTH.size :], type=News) == news
