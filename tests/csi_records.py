@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,6 +52,13 @@ def same(a: CsiRecord, b: CsiRecord) -> bool:
 def log_of(records: Iterable[CsiRecord]) -> bytes:
     """A whole log file of CSI records."""
     return b"".join(encode_file_record(CSI_CODE, encode_body(record)) for record in records)
+
+
+def read_with_csiread(path: Path, n_rx: int, n_tx: int) -> Any:
+    """A layout-20 log as csiread reads it, whose field names these are; skips where it has no wheel."""
+    oracle = pytest.importorskip("csiread").Intel(str(path), nrxnum=n_rx, ntxnum=n_tx, pl_size=0, if_report=False)
+    oracle.read()
+    return oracle
 
 
 def parsed(data: bytes) -> list[tuple[int, CsiRecord | MpduRecord]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import csiread
 import numpy as np
 import pytest
 
@@ -14,7 +13,7 @@ from csi_bridge.dat_frames import content, offsets, sound_frames
 from csi_bridge.encoder import EncodeError, encode_bodies, encode_body, encode_file_record
 from csi_bridge.parser import parse_body
 from csi_bridge.records import CSI_CODE, MPDU_CODE, CsiRecord
-from tests.csi_records import log_of, needs_data, record, same
+from tests.csi_records import log_of, needs_data, read_with_csiread, record, same
 from tests.paths import DATA
 
 
@@ -83,8 +82,7 @@ def test_csiread_reads_what_we_write_in_layout_20(n_rx: int, n_tx: int, tmp_path
     records = [replace(record(n_rx, n_tx, 20, seed), antenna_sel=0b10_01_00) for seed in range(30)]
     mpdu = encode_file_record(MPDU_CODE, b"frame" * 20)
     (tmp_path / "log.dat").write_bytes(b"".join(mpdu + log_of([one]) for one in records))
-    oracle = csiread.Intel(str(tmp_path / "log.dat"), nrxnum=n_rx, ntxnum=n_tx, pl_size=0, if_report=False)
-    oracle.read()
+    oracle = read_with_csiread(tmp_path / "log.dat", n_rx, n_tx)
     assert oracle.count == 30
     log = read_dat(tmp_path / "log.dat")
     assert (len(log), log.mpdu_count, log.malformed_count, log.truncated_bytes) == (30, 30, 0, 0)

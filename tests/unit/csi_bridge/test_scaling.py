@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csiread
 import numpy as np
 import pytest
 
@@ -13,7 +12,7 @@ from csi_bridge.scaling import (
     total_rss_dbm,
     without_spatial_mapping,
 )
-from tests.csi_records import needs_data, parsed
+from tests.csi_records import needs_data, parsed, read_with_csiread
 from tests.paths import DATA
 
 SAMPLES = DATA / "csi_samples"
@@ -27,8 +26,7 @@ def records(name: str, count: int = 40) -> list[CsiRecord]:
 @needs_data
 @pytest.mark.parametrize("name", ["sample_0x1_ap.dat", "sample_0x5_64_3000.dat"])
 def test_total_power_is_that_of_csiread(name: str) -> None:
-    oracle = csiread.Intel(str(SAMPLES / name), nrxnum=3, ntxnum=2, if_report=False)
-    oracle.read()
+    oracle = read_with_csiread(SAMPLES / name, 3, 2)
     for record, theirs in zip(records(name), oracle.get_total_rss(), strict=False):
         assert total_rss_dbm(record.rssi, record.agc) == pytest.approx(theirs, abs=0.1)  # it uses a table of powers
 
@@ -37,8 +35,7 @@ def test_total_power_is_that_of_csiread(name: str) -> None:
 def test_spatial_mapping_is_that_of_csiread_at_all_its_rates() -> None:
     """It scales each packet first, which the mapping does not feel."""
     name = "sample_0x1_ap.dat"
-    oracle = csiread.Intel(str(SAMPLES / name), nrxnum=3, ntxnum=2, if_report=False)
-    oracle.read()
+    oracle = read_with_csiread(SAMPLES / name, 3, 2)
     theirs = oracle.get_scaled_csi_sm()
     seen = set()
     for number, record in enumerate(records(name, 540)):
