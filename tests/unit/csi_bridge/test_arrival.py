@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import statistics
 import time
 from collections.abc import Callable, Iterator
 
@@ -37,11 +38,14 @@ def test_each_datagram_has_the_time_that_it_arrived_and_not_that_of_reading(pair
         sent.append((before_ns, time.monotonic_ns()))
         time.sleep(0.005)
     time.sleep(0.05)
+    read_ns, late_ns = time.monotonic_ns(), []
     for number, (before_ns, after_ns) in enumerate(sent):
         data, _, arrived_ns = stamped.receive(64)
         assert data == b"%d" % number
         assert arrived_ns is not None
-        assert before_ns <= arrived_ns <= after_ns + 5_000_000, "UDP may be delivered a little after it was sent"
+        assert before_ns <= arrived_ns < read_ns
+        late_ns.append(arrived_ns - after_ns)
+    assert statistics.median(late_ns) < 5_000_000, "UDP may be delivered after it was sent, on a busy machine much"
     with pytest.raises(BlockingIOError):
         stamped.receive(64)
 
