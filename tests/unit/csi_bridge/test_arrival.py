@@ -31,6 +31,7 @@ def pair(request: pytest.FixtureRequest) -> Iterator[Pair]:
 def test_each_datagram_has_the_time_that_it_arrived_and_not_that_of_reading(pair: Pair) -> None:
     reads, send = pair
     stamped = StampedSocket(reads)
+    _until_the_kernel_stamps(stamped, send)
     sent: list[tuple[int, int]] = []
     for number in range(5):
         before_ns = time.monotonic_ns()
@@ -48,6 +49,37 @@ def test_each_datagram_has_the_time_that_it_arrived_and_not_that_of_reading(pair
     assert statistics.median(late_ns) < 5_000_000, "UDP may be delivered after it was sent, on a busy machine much"
     with pytest.raises(BlockingIOError):
         stamped.receive(64)
+
+
+def _until_the_kernel_stamps(stamped: StampedSocket, send: Callable[[bytes], object]) -> None:
+    for _ in range(500):
+        send(b"first")
+        time.sleep(0.002)
+        read_ns = time.monotonic_ns()
+        arrived_ns = stamped.receive(64)[2]
+        if arrived_ns is not None and arrived_ns < read_ns:
+            return
+    raise AssertionError("the kernel stamps nothing")
+
+
+@pytest.mark.parametrize("held_up", [1, 2, 3])
+def test_who_is_held_up_between_two_clocks_knows_the_time_all_the_same(pair: Pair, held_up: int) -> None:
+    reads, send = pair
+    readings = 0
+
+    def monotonic_ns() -> int:
+        nonlocal readings
+        readings += 1
+        if readings == held_up + 1:  # the first is what the socket begins with
+            time.sleep(0.03)
+        return time.monotonic_ns()
+
+    stamped = StampedSocket(reads, monotonic_ns)
+    send(b"x")
+    sent_ns = time.monotonic_ns()
+    readings = 0
+    arrived_ns = stamped.receive(64)[2]
+    assert arrived_ns is not None and arrived_ns < sent_ns + 20_000_000
 
 
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0, 0.2])
