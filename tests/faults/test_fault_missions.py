@@ -205,6 +205,12 @@ def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch)
     assert "preflight_holds" in broken_by(flight_with(Fault(0.5, "clock", "", 5.0, 0.0)))
 
 
+@pytest.mark.parametrize("seed", [41944, 312802])
+def test_a_hold_is_asked_for_anew_by_who_engages_between(seed: int) -> None:
+    """Each of the two holds for 3 s at most; the rule once took both for one."""
+    assert promises.violations(fly(draw(seed))) == []
+
+
 @pytest.mark.parametrize("seed", [CHECKS_FROM + 454, CHECKS_FROM + 712])
 def test_what_has_been_armed_needs_no_checks(seed: int) -> None:
     """Engaged again in the air, while nothing was told of them."""

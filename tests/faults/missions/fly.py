@@ -174,7 +174,7 @@ class World:
         self.offset_m = [0.0, 0.0, 0.0]
         self._pose_ns = self._packet_ns = self._datagram_ns = clock.t_ns
         self._frozen: Pose | None = None
-        self._asking: list[asyncio.Task[str]] = []
+        self._asking: list[asyncio.Task[Any]] = []
         self._ending: asyncio.Task[None] | None = None
         last_s = max(fault.at_s + min(fault.for_s, 6.0) for fault in scenario.faults) + _QUIET_S
         self._end_ns = self._start_ns + round(min(MOST_S, last_s) * NS_PER_S)
@@ -189,6 +189,9 @@ class World:
             await asyncio.sleep(0.5)
             self._ask_again()
         await self._end("stop")
+        if self._ending is not None:
+            self._ending.cancel()  # nobody starts it again
+            self._asking.append(self._ending)
         await asyncio.gather(*self._asking, return_exceptions=True)
 
     def _is_over(self) -> bool:

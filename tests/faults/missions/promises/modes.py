@@ -59,9 +59,10 @@ def asked_for_3_s(trace: Trace) -> Found:
     """13. A mode is asked for 3 s at most, and not again once the mode has changed to anything else."""
     first: Asked | None = None
     last_ns = 0
-    for entry in trace.of(Asked):
-        if entry.what != "mode":
-            first = None if entry.what == "takeoff" else first  # engaged anew: what is asked for next is another wish
+    for entry in trace.entries:
+        if is_engaged(entry):
+            first = None  # what is asked for next is another wish
+        if not isinstance(entry, Asked) or entry.wanted is None:
             continue
         again = first is not None and entry.wanted is first.wanted and entry.t_ns - last_ns < 1.6 * NS_PER_S
         again = again and entry.told.mode is not _TOLD_AS.get(entry.wanted)  # it was had: this is asked for anew

@@ -9,7 +9,7 @@ import random
 import pytest
 
 from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
-from companion.safety.gate import Gate, GateLimits, Reason
+from companion.safety.gate import Gate, GateLimits, Reason, turned
 from tests.faults.campaigns import runs
 from tests.faults.figures import record
 
@@ -215,6 +215,35 @@ def test_a_velocity_alone_is_judged_by_where_it_leads() -> None:
     assert _GATE.check(down, _at((1.0, 2.0, 0.74)), _NOW_NS, True).reasons == (Reason.HEIGHT,)
     verdict = _GATE.check(Setpoint(_NOW_NS, None, (math.nan, 0.0, 0.0), None), _STATE, _NOW_NS, True)
     assert verdict.reasons == (Reason.NOT_FINITE,) and verdict.setpoint == _HOLD
+
+
+@pytest.mark.parametrize(
+    ("p_m", "v_m_s"),
+    [
+        ((0.0, 9.6, 1.5), (0.0, 0.8, 0.0)),
+        ((0.0, -9.6, 1.5), (0.0, -0.8, 0.0)),
+        ((0.0, 0.0, 4.75), (0.0, 0.0, 0.5)),
+    ],
+)
+def test_a_velocity_alone_leads_along_each_axis(p_m: Vector3, v_m_s: Vector3) -> None:
+    """Half a second on is the fence: refused from 1 cm beyond, and not from 1 cm before."""
+    alone, outward = Setpoint(_NOW_NS, None, v_m_s, None), [math.copysign(0.01, v) if v else 0.0 for v in v_m_s]
+    x, y, z = p_m
+    dx, dy, dz = outward
+    assert _GATE.check(alone, _at((x + dx, y + dy, z + dz)), _NOW_NS, True).reasons == (Reason.FENCE_BOX,)
+    assert _GATE.check(alone, _at((x - dx, y - dy, z - dz)), _NOW_NS, True).reasons == ()
+
+
+@pytest.mark.parametrize("angle_rad", [1.0, -1.0, math.pi / 2])
+def test_turning_is_counter_clockwise_about_the_vertical(angle_rad: float) -> None:
+    x, y, z = turned((1.0, 2.0, 3.0), angle_rad)
+    both = complex(1.0, 2.0) * complex(math.cos(angle_rad), math.sin(angle_rad))
+    assert (x, y, z) == pytest.approx((both.real, both.imag, 3.0), abs=1e-12)
+
+
+def test_without_an_angle_nothing_is_turned() -> None:
+    vector = (0.1, -0.0, 3.0)
+    assert turned(vector, 0.0) is vector
 
 
 def test_several_reasons_are_all_named() -> None:
