@@ -68,6 +68,7 @@ class _Others:
     """Poses, what is known of the target and the iterations, all as they should be."""
 
     id = 2
+    age_s = 0.1
     is_ready = True
     is_measuring = False
 
@@ -87,9 +88,18 @@ class _Others:
         return ""
 
     def datagram_age_s(self, peer: int) -> float:
-        return 0.1 if peer == self.id else math.inf
+        return self.age_s if peer == self.id else math.inf
 
     packet_age_s = datagram_age_s
+
+
+class _Stranger(_Others):
+    """A robot that is not the target; nobody heard it."""
+
+    id = 3
+
+    class refused:
+        bad_key = 7
 
 
 class _Ground:
@@ -111,15 +121,15 @@ class _Ground:
             recorder=self.kept,
             look=look or self._look,
         )
-        self.looks = 0
+        self.looks = self.bad_signatures = 0
         self.course = Course(self.events, self.kept)
 
     def _look(self) -> Surroundings:
         self.looks += 1
         checked = self.engagement._look_around().parameters_checked
         return Surroundings(
-            t_mono_ns=_NOW_NS, autopilot_problem=self.autopilot.problem, parameters_checked=checked, bad_signatures=0,
-            recorder_failed=False, free_mib=9000.0,
+            t_mono_ns=_NOW_NS, autopilot_problem=self.autopilot.problem, parameters_checked=checked,
+            bad_signatures=self.bad_signatures, recorder_failed=False, free_mib=9000.0,
         )  # fmt: skip
 
     def changed(self, **fields: Any) -> list[str]:
@@ -213,6 +223,15 @@ def test_it_names_the_vehicle_it_would_engage() -> None:
 def test_the_vehicles_time_is_needed_by_who_sends_it_poses(rate_hz: float, said: bool) -> None:
     ground = _Ground(forward_vio_hz=rate_hz)
     assert any("own time is not known" in line for line in ground.changed(clock_offset_ns=None)) is said
+
+
+def test_wrong_signatures_are_told_of_the_robot_that_is_asked_for() -> None:
+    ground = _Ground()
+    ground.bad_signatures = 4
+    ground.others.age_s = 60.0
+    stranger: Any = _Stranger()
+    assert [line for line in ground.engagement.not_ready() if "(4 came with a wrong signature" in line]
+    assert [line for line in ground.engagement.not_ready(stranger) if "(7 came with a wrong signature" in line]
 
 
 async def test_the_ceiling_is_that_of_the_fence() -> None:
