@@ -234,7 +234,7 @@ def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:
         ("SYS_HAS_GPS", True, (1,), (-1, 0, 2)),
         ("EKF2_EV_CTRL", True, (0,), (-1, 1, 15)),
         ("SYS_HAS_GPS", False, (0,), (-1, 1)),
-        ("EKF2_EV_CTRL", False, (11, 15, 0x10B), (0, 1, 3, 7, 8, 9, 10, 14)),
+        ("EKF2_EV_CTRL", False, (11, 15, 0x10B), (-1, 0, 1, 3, 7, 8, 9, 10, 14)),
         ("EKF2_GPS_CTRL", False, (0,), (-1, 1, 7)),
         ("EKF2_HGT_REF", False, (3,), (0, 1, 2, 4)),
     ],
