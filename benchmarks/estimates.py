@@ -23,7 +23,7 @@ TRANSMITTERS = (1, 2, 4, 8, 16)
 AX_WIDTHS_MHZ = (20, 40, 80, 160)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EstimateTimes:
     """Seconds at 880 packets with 30 subcarriers in both directions."""
 
@@ -46,11 +46,11 @@ def estimate_times() -> EstimateTimes:
             robust.estimate(aperture)
 
     return EstimateTimes(
-        best_s(lambda: bartlett_profile(spatial.chi_m, spatial.channel, WAVELENGTH_M)),
-        best_s(lambda: robust.estimate(spatial)),
-        best_s(lambda: robust.estimate(planar)),
-        {count: best_s(lambda count=count: heard(count), repeats=2) for count in TRANSMITTERS},  # type: ignore[misc]
-        {width: _ax_s(width) for width in AX_WIDTHS_MHZ},
+        far_field_profile_s=best_s(lambda: bartlett_profile(spatial.chi_m, spatial.channel, WAVELENGTH_M)),
+        robust_3d_s=best_s(lambda: robust.estimate(spatial)),
+        robust_planar_s=best_s(lambda: robust.estimate(planar)),
+        links_s={count: best_s(lambda count=count: heard(count), repeats=2) for count in TRANSMITTERS},  # type: ignore[misc]
+        ax_s={width: _ax_s(width) for width in AX_WIDTHS_MHZ},
     )
 
 

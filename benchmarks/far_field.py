@@ -32,7 +32,7 @@ class FarField:
         found = find_peaks(profile, 1 + self.alternatives, self.min_separation_rad)
         peaks = _refined(aperture, channel, found)
         best, mirror = _choose(aperture, channel, peaks[0])
-        return describe(aperture, channel, best, mirror, peaks), profile
+        return describe(aperture, channel, best, mirror, others=peaks), profile
 
 
 def _refined(aperture: Aperture, channel: NDArray[np.complex128], found: tuple[Peak, ...]) -> tuple[Peak, ...]:
@@ -40,7 +40,7 @@ def _refined(aperture: Aperture, channel: NDArray[np.complex128], found: tuple[P
     refined = []
     for peak in found:
         azimuth, polar, power = refine_peak(
-            aperture.chi_m, channel, aperture.wavelength_m, peak.azimuth_rad, peak.polar_rad
+            aperture.chi_m, channel, aperture.wavelength_m, azimuth_rad=peak.azimuth_rad, polar_rad=peak.polar_rad
         )
         refined.append(replace(peak, azimuth_rad=azimuth, polar_rad=polar, power=power))
     refined.sort(key=lambda peak: -peak.power)
@@ -59,8 +59,10 @@ def _choose(aperture: Aperture, channel: NDArray[np.complex128], peak: Peak) -> 
     normal = aperture.principal_axes[2]
     u = direction(peak.azimuth_rad, peak.polar_rad)
     azimuth, polar = (float(angle) for angle in angles(u - 2.0 * (u @ normal) * normal))
-    azimuth, polar, power = refine_peak(aperture.chi_m, channel, aperture.wavelength_m, azimuth, polar)
-    image = Peak(azimuth, polar, power, power / peak.power)
+    azimuth, polar, power = refine_peak(
+        aperture.chi_m, channel, aperture.wavelength_m, azimuth_rad=azimuth, polar_rad=polar
+    )
+    image = Peak(azimuth_rad=azimuth, polar_rad=polar, power=power, relative_power=power / peak.power)
     if is_horizontal(normal) and image.polar_rad < peak.polar_rad:
         return replace(image, relative_power=1.0), replace(peak, relative_power=peak.power / image.power)
     return peak, image

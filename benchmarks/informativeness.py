@@ -15,7 +15,7 @@ from wsr.crb.sphere import crb_over, scatter_factor
 PACKETS = 880
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InformativenessTimes:
     """Seconds at 880 packets."""
 
@@ -40,9 +40,9 @@ def informativeness_times() -> InformativenessTimes:
             crb(chi, WAVELENGTH_M, p, t)
 
     return InformativenessTimes(
-        best_s(lambda: crb_over(scatter_factor(chi, WAVELENGTH_M), 0.9, 1.8)),
-        best_s(lambda: spread(scatter_factor(chi, WAVELENGTH_M), prior)),
-        best_s(lambda: informativeness(aperture, 0.9, 1.8)),
-        best_s(lambda: crb_over(scatter_factor(chi, WAVELENGTH_M), azimuth, polar)),
-        best_s(one_by_one, repeats=2) * azimuth.size / 100,
+        one_direction_s=best_s(lambda: crb_over(scatter_factor(chi, WAVELENGTH_M), 0.9, 1.8)),
+        worst_case_s=best_s(lambda: spread(scatter_factor(chi, WAVELENGTH_M), prior)),
+        iteration_s=best_s(lambda: informativeness(aperture, 0.9, 1.8)),
+        sphere_s=best_s(lambda: crb_over(scatter_factor(chi, WAVELENGTH_M), azimuth, polar)),
+        scalar_s=best_s(one_by_one, repeats=2) * azimuth.size / 100,
     )

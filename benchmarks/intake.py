@@ -62,7 +62,7 @@ class Throughput:
     datagram_us: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Crowd:
     """So many neighbours at 150 packets and 10 datagrams a second each, for `seconds`: what was lost and what it
     took."""
@@ -111,7 +111,7 @@ def crowd(neighbours: int, seconds: float, at_80mhz: bool = False) -> Crowd:
         sender = context.Process(target=_send, args=arguments)
         sender.start()
         try:
-            return asyncio.run(_take(neighbours, seconds, port, source, ready, done))
+            return asyncio.run(_take(neighbours, seconds, port, source, ready=ready, done=done))
         finally:
             sender.join()
             source.close()
@@ -131,18 +131,20 @@ def _feeder(path: Path, at_80mhz: bool) -> Feeder:
     return NetlinkFeeder(CONNECTOR) if connector_available(CONNECTOR) is None else UnixFeeder(path)
 
 
-async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, ready: Event, done: Event) -> Crowd:
+async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, *, ready: Event, done: Event) -> Crowd:
     clock = MonotonicClock()
     ids = range(2, 2 + neighbours)
     link = Link(_config(port))
     receiver = NeighbourReceiver(1, {i: f"n{i}" for i in ids}, {i: [_KEY] for i in ids}, clock)
-    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=0.054, min_packets=20, max_pose_gap_s=0.05)
 
     def on_sample(sample) -> None:  # type: ignore[no-untyped-def]
         receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
         window.add_sample(sample)
 
-    radio = Radio(source, {_mac(i): i for i in ids}, clock, on_sample, lambda *_: None)
+    radio = Radio(
+        source=source, peers={_mac(i): i for i in ids}, clock=clock, on_sample=on_sample, on_record=lambda *_: None
+    )
 
     def drain() -> None:
         for data in link.drain():
@@ -166,8 +168,9 @@ async def _take(neighbours: int, seconds: float, port: int, source: CsiSource, r
     accepted = sum(n.accepted for n in receiver.neighbours.values())
     packets, datagrams = round(seconds * RATE_HZ) * neighbours, round(seconds * 10) * neighbours
     return Crowd(
-        neighbours, seconds, packets, packets - radio.counters.samples, datagrams, datagrams - accepted,
-        source.counters.overruns, used_s / wall_s,
+        neighbours=neighbours, seconds=seconds, packets=packets, packets_lost=packets - radio.counters.samples,
+        datagrams=datagrams, datagrams_lost=datagrams - accepted,
+        overruns=source.counters.overruns, share_of_a_core=used_s / wall_s,
     )  # fmt: skip
 
 
@@ -210,7 +213,9 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, at_80mhz: boo
                     head = stamp_us.to_bytes(4, "little") + count.to_bytes(2, "little")
                     feeder.send(CSI_CODE, head + body[6:34] + slot.to_bytes(4, "little") + body[38:])
                 frame = None if at_80mhz else slot
-                senders[i].add_channel(frame, due_ns - 300_000, stamp_us, csi, -50.0, 0, band, ticks)
+                senders[i].add_channel(
+                    frame, due_ns - 300_000, stamp_us, csi, power_dbm=-50.0, antenna=0, band=band, ticks=ticks
+                )
                 if slot % 3 == 0:
                     senders[i].add_pose(due_ns, (0.0, 0.0, 0.0), 3)
                 # Each has its own phase: ten datagrams a second, not all at once.
@@ -224,7 +229,7 @@ def _send(neighbours: int, seconds: float, port: int, folder: str, at_80mhz: boo
 def _take_all(bodies: list[tuple[int, bytes]]) -> None:
     clock = ReplayClock(NS_PER_S)
     receiver = NeighbourReceiver(1, {i: str(i) for i in range(2, 5)}, {i: [_KEY] for i in range(2, 5)}, clock)
-    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=0.054, min_packets=20, max_pose_gap_s=0.05)
 
     def on_sample(sample) -> None:  # type: ignore[no-untyped-def]
         receiver.neighbours[sample.peer].add_forward(sample.frame, sample.t_mono_ns, sample.nic_us)
@@ -232,7 +237,13 @@ def _take_all(bodies: list[tuple[int, bytes]]) -> None:
 
     source = RecordedCsi()
     source.add(bodies)
-    Radio(source, {_mac(i): i for i in range(2, 5)}, clock, on_sample, lambda *_: None).drain()
+    Radio(
+        source=source,
+        peers={_mac(i): i for i in range(2, 5)},
+        clock=clock,
+        on_sample=on_sample,
+        on_record=lambda *_: None,
+    ).drain()
 
 
 def _datagram() -> bytes:
@@ -244,7 +255,7 @@ def _datagram() -> bytes:
     for slot in range(15):
         t_ns = NS_PER_S + slot * 6_666_667
         csi = (30 * (rng.normal(size=30) + 1j * rng.normal(size=30))).astype(np.complex64)
-        sender.add_channel(slot, t_ns, t_ns // 1000, csi, -50.0, 0)
+        sender.add_channel(slot, t_ns, t_ns // 1000, csi, power_dbm=-50.0, antenna=0)
         if slot % 3 == 0:
             sender.add_pose(t_ns, (1e-2 * slot, 0.0, 0.0), 3)
     (data,) = sender.datagrams(NS_PER_S * 11 // 10)

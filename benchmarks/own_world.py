@@ -66,13 +66,13 @@ class OwnWorld:
         far_m, azimuth = drawn_m if range_m is None else range_m, rng.uniform(-math.pi, math.pi)
         height, heading, elevation, exponent = rng.normal(size=4) * (1.0 if constants else 0.0)
         self._same: Final = Drawn(
-            kind,
-            np.array(
+            room=kind,
+            target_m=np.array(
                 [far_m * math.cos(azimuth), far_m * math.sin(azimuth), ANTENNA_M + _ANTENNA_STD_M * float(height)]
             ),
-            _TURN_STD_RAD * float(heading),
-            kind.elevation_std_rad * float(elevation),
-            1.5 + 0.5 * float(exponent),
+            heading_rad=_TURN_STD_RAD * float(heading),
+            elevation_rad=kind.elevation_std_rad * float(elevation),
+            exponent=1.5 + 0.5 * float(exponent),
         )
         self._tracker = TargetTracker(None, _DRIFT, ANTENNA_M)
         self._here_m = np.array([0.0, 0.0, _HEIGHT_M])

@@ -28,7 +28,7 @@ _SQUARE = 768
 _ATOM = "goldmont"  # the class of processor on an UP Squared: SSE4.2, no AVX
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileRow:
     """Seconds for one 360 x 180 profile of `packets` packets."""
 
@@ -60,15 +60,15 @@ def profile_rows(counts: tuple[int, ...]) -> list[ProfileRow]:
         members = len(condensed(x, unit[:, None])[0])
         rows.append(
             ProfileRow(
-                packets,
-                best_s(lambda chi=chi, g=g: bartlett_profile_oracle(chi, g, WAVELENGTH_M), repeats=1),  # type: ignore[misc]
-                best_s(lambda chi=chi, g=g: _gemm_profile(chi, g), repeats=2),  # type: ignore[misc]
-                best_s(lambda x=x, unit=unit: bartlett_power(x, unit)),  # type: ignore[misc]
-                best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M), repeats=40),  # type: ignore[misc]
-                members,
-                members * POLAR_RAD.size * AZIMUTH_RAD.size / 4 * _FLOPS * flop_s,
-                best_s(_slide(window, chi, g)),
-                best_s(_slide(window, chi, g, read=True)),
+                packets=packets,
+                naive_s=best_s(lambda chi=chi, g=g: bartlett_profile_oracle(chi, g, WAVELENGTH_M), repeats=1),  # type: ignore[misc]
+                gemm_s=best_s(lambda chi=chi, g=g: _gemm_profile(chi, g), repeats=2),  # type: ignore[misc]
+                direct_s=best_s(lambda x=x, unit=unit: bartlett_power(x, unit)),  # type: ignore[misc]
+                ours_s=best_s(lambda chi=chi, g=g: bartlett_profile(chi, g, WAVELENGTH_M), repeats=40),  # type: ignore[misc]
+                members=members,
+                bound_s=members * POLAR_RAD.size * AZIMUTH_RAD.size / 4 * _FLOPS * flop_s,
+                batch_s=best_s(_slide(window, chi, g)),
+                batch_read_s=best_s(_slide(window, chi, g, read=True)),
             )
         )
     return rows

@@ -105,7 +105,13 @@ def drive(recorder: Recorder, clock: EventClock, seconds: float, due: tuple[DueM
 
 def flight_messages() -> tuple[DueMessage, ...]:
     """Streams of a flight with their rates [Hz]."""
-    pose = Pose(1, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.1, 0.1), 3)
+    pose = Pose(
+        t_mono_ns=1,
+        p_enu_m=(1.0, 2.0, 3.0),
+        q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+        v_enu_m_s=(0.1, 0.1, 0.1),
+        confidence=3,
+    )
     vehicle = VehicleState(
         t_mono_ns=1, heartbeat_mono_ns=1, mode=FlightMode.OFFBOARD, mode_mono_ns=1, armed=True, in_air=True,
         position_mono_ns=1, p_local_enu_m=(1.0, 2.0, 3.0), v_local_enu_m_s=(0.1, 0.2, 0.3), yaw_enu_rad=0.5,

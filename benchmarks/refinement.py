@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def refine_peak(
-    chi_m: Array, channel: NDArray[np.complex128], wavelength_m: float, azimuth_rad: float, polar_rad: float
+    chi_m: Array, channel: NDArray[np.complex128], wavelength_m: float, *, azimuth_rad: float, polar_rad: float
 ) -> tuple[float, float, float]:
     """Azimuth, polar angle and power (1 for perfect coherence) of the maximum of the exact objective near a direction.
 

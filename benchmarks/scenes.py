@@ -27,7 +27,7 @@ _JITTER_S = 5e-6
 
 
 def helix(
-    packets: int, planar: bool = False, range_m: float = 8.0, seed: int = 1, ax_mhz: int | None = None
+    packets: int, planar: bool = False, range_m: float = 8.0, seed: int = 1, *, ax_mhz: int | None = None
 ) -> Aperture:
     """M packets over one turn of a helix (or its plan), a source at `range_m`, 30 subcarriers in both directions, or
     those of an AX card's HE packets over `ax_mhz`, thinned, with a random sign at each end.

@@ -47,7 +47,7 @@ class Trial:
     path_m: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BoundRow:
     """Mean square error over the bound of azimuth, polar angle and range together, phase unknown."""
 
@@ -69,7 +69,7 @@ class NearRow:
     range_within_15: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PoseErrorRow:
     """Median and mean great-circle errors with wrong poses; `ate_m` is the root mean square of the positions' error."""
 
@@ -120,6 +120,7 @@ def simulated(
     path_m: Array,
     range_m: float,
     snr_db: float,
+    *,
     wideband: bool = True,
     pose_error_m: Array | None = None,
     level: bool = False,
@@ -165,7 +166,14 @@ def bound_rows(trials: int, snrs_db: tuple[float, ...] = (10.0, 20.0, 30.0)) -> 
             for wideband in (True, False):
                 ratios = [_over_bound(name, seed, snr_db, wideband) for seed in range(trials)]
                 azimuth, polar = np.mean(ratios, axis=0)
-                yield BoundRow(name, snr_db, 30 if wideband else 1, trials, float(azimuth), float(polar))
+                yield BoundRow(
+                    path=name,
+                    snr_db=snr_db,
+                    subcarriers=30 if wideband else 1,
+                    trials=trials,
+                    azimuth_ratio=float(azimuth),
+                    polar_ratio=float(polar),
+                )
 
 
 def near_row(trials: int) -> NearRow:
@@ -195,13 +203,13 @@ def pose_error_rows(trials: int, share: float = 0.07) -> Iterator[PoseErrorRow]:
                 errors[name].append(float(error_rad(trial, estimator.estimate(trial.aperture)[0])[2]))
         bartlett, robust = np.degrees(errors["bartlett"]), np.degrees(errors["robust"])
         yield PoseErrorRow(
-            kind,
-            trials,
-            float(np.mean(ate_m)),
-            float(np.median(bartlett)),
-            float(bartlett.mean()),
-            float(np.median(robust)),
-            float(robust.mean()),
+            kind=kind,
+            trials=trials,
+            ate_m=float(np.mean(ate_m)),
+            bartlett_median_deg=float(np.median(bartlett)),
+            bartlett_mean_deg=float(bartlett.mean()),
+            robust_median_deg=float(np.median(robust)),
+            robust_mean_deg=float(robust.mean()),
         )
 
 
@@ -209,7 +217,7 @@ def step_rows(trials: int) -> Iterator[StepRow]:
     """The last coherent step, by the bound at 20 dB, and the linear phase, by a velocity bias."""
     both: list[float] = []
     for options in (_ALL_STEPS, RobustOptions(coherent_above=2.0)):
-        ratios = [_over_bound(name, seed, 20.0, True, options) for name in PATHS for seed in range(trials)]
+        ratios = [_over_bound(name, seed, 20.0, True, options=options) for name in PATHS for seed in range(trials)]
         both.append(float(np.mean(ratios)))
     yield StepRow("coherent refinement and most likely focus", "mean square error over the bound", 2 * trials, *both)
     both = []
@@ -230,16 +238,16 @@ def _with_wrong_poses(kind: str, seed: int, share: float) -> tuple[Trial, float]
     return simulated(rng, path, 10.0, 20.0, pose_error_m=wrong), _rms(wrong)
 
 
-def _over_bound(name: str, seed: int, snr_db: float, wideband: bool, options: RobustOptions = _ALL_STEPS) -> Array:
+def _over_bound(name: str, seed: int, snr_db: float, wideband: bool, *, options: RobustOptions = _ALL_STEPS) -> Array:
     rng = np.random.default_rng([1, seed])
-    trial = simulated(rng, PATHS[name](rng), 8.0, snr_db, wideband)
+    trial = simulated(rng, PATHS[name](rng), 8.0, snr_db, wideband=wideband)
     estimate = Robust(options).estimate(trial.aperture)[0]
     to = trial.source_m - np.array(estimate.reference_p_m)
     azimuth, polar = (float(angle) for angle in angles(to))
     x = trial.aperture.chi_m - trial.aperture.chi_m.mean(axis=0)
     # Both ends measure the same phase, at every subcarrier: s^2 / (2 |h|^2) over 2 S.
     variance = 10 ** (-snr_db / 10) / (4 * (30 if wideband else 1))
-    limit = variance * bound(x, WAVELENGTH_M, azimuth, polar, float(np.linalg.norm(to)), level=False)
+    limit = variance * bound(x, WAVELENGTH_M, azimuth, polar, range_m=float(np.linalg.norm(to)), level=False)
     return np.asarray(error_rad(trial, estimate)[:2] ** 2 / np.diag(limit)[:2])
 
 

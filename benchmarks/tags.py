@@ -56,19 +56,21 @@ class Spoiled:
 
 
 def detector() -> TagDetector:
-    return TagDetector("tag36h11", {OURS: SIZE_M}, SIZE_M, MATRIX)
+    return TagDetector(family="tag36h11", sizes_m={OURS: SIZE_M}, other_size_m=SIZE_M, matrix=MATRIX)
 
 
 def place_errors(images: int, seed: int = 1) -> list[PlaceErrors]:
     """By distance and tilt."""
     rng, tags = np.random.default_rng(seed), detector()
-    return [_errors(tags, distance_m, tilt_deg, images, rng) for distance_m in DISTANCES_M for tilt_deg in TILTS_DEG]
+    return [
+        _errors(tags, distance_m, tilt_deg, images, rng=rng) for distance_m in DISTANCES_M for tilt_deg in TILTS_DEG
+    ]
 
 
 def spoiled(images: int, seed: int = 2) -> list[Spoiled]:
     """By kind of image."""
     rng, tags = np.random.default_rng(seed), detector()
-    return [_spoiled(tags, kind, make, images, rng) for kind, make in KINDS.items()]
+    return [_spoiled(tags, kind, make, images, rng=rng) for kind, make in KINDS.items()]
 
 
 def _any_view(rng: np.random.Generator, distance_m: float | None = None, tilt_deg: float | None = None) -> View:
@@ -102,7 +104,7 @@ KINDS: Final[dict[str, Callable[[np.random.Generator], tuple[View, int | None]]]
 
 
 def _errors(
-    tags: TagDetector, distance_m: float, tilt_deg: float, images: int, rng: np.random.Generator
+    tags: TagDetector, distance_m: float, tilt_deg: float, images: int, *, rng: np.random.Generator
 ) -> PlaceErrors:
     off_m, share = [], []
     for _ in range(images):
@@ -126,6 +128,7 @@ def _spoiled(
     kind: str,
     make: Callable[[np.random.Generator], tuple[View, int | None]],
     images: int,
+    *,
     rng: np.random.Generator,
 ) -> Spoiled:
     told = believed = false = 0

@@ -76,10 +76,12 @@ def read_dat(path: str | Path, wanted: Wanted | None = None) -> CsiLog:
     array = np.frombuffer(data, np.uint8)
     if wanted is not None:
         keep(array, frames, wanted, release_of(data))
-    return _decode(path, array, frames, frames.records, release_of(data))
+    return _decode(path, array, frames, frames.records, release=release_of(data))
 
 
-def _decode(path: Path, data: npt.NDArray[np.uint8], frames: Frames, count: int, release: Callable[[], None]) -> CsiLog:
+def _decode(
+    path: Path, data: npt.NDArray[np.uint8], frames: Frames, count: int, *, release: Callable[[], None]
+) -> CsiLog:
     max_tx = max((n_tx for _, _, n_tx in frames.groups), default=1)
     header = np.zeros((count, 38), np.uint8)
     layouts = np.zeros(count, np.uint8)
@@ -91,7 +93,7 @@ def _decode(path: Path, data: npt.NDArray[np.uint8], frames: Frames, count: int,
                 part = offset[start : start + _DECODED_AT_ONCE]
                 at = slice(first + start, first + start + len(part))
                 layouts[at] = layout
-                used = _decode_run(data, part, (layout, n_rx, n_tx), header[at], csi[at])
+                used = _decode_run(data, part, (layout, n_rx, n_tx), header[at], csi=csi[at])
                 antennas = max(antennas, used)
                 release()
     stamped = layouts >= 34
@@ -125,6 +127,7 @@ def _decode_run(
     offset: npt.NDArray[np.intp],
     shape: Shape,
     header: npt.NDArray[np.uint8],
+    *,
     csi: npt.NDArray[np.complex64],
 ) -> int:
     """Fills header (N, 38) and csi (N, 30, 3, n_tx) from bodies at `offset`, evenly spaced; how many antennas exist."""

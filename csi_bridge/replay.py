@@ -33,7 +33,7 @@ class Feeder(Protocol):
     def close(self) -> None: ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Tape:
     """Records (code, body) of a log in file order and when each reached the host, `t_s` (N,) [s], not decreasing.
 
@@ -92,7 +92,14 @@ def _feitcsi_tape(log: FeitLog, data: bytes) -> Tape:
     is_wall = bool(np.all(host_s > 0))
     due_s = _spaced(stamps, host_s if is_wall else None)
     times = np.maximum.accumulate(host_s) if is_wall else due_s
-    return Tape(log.path, records, times, due_s, log.damaged_count, log.skipped_bytes)
+    return Tape(
+        path=log.path,
+        records=records,
+        t_s=times,
+        due_s=due_s,
+        malformed_count=log.damaged_count,
+        skipped_bytes=log.skipped_bytes,
+    )
 
 
 def _connector_tape(path: Path) -> Tape:
@@ -117,7 +124,14 @@ def _connector_tape(path: Path) -> Tape:
     due_s = _spaced(stamps[known], host_s[known] if is_wall else None)
     times = np.maximum.accumulate(host_s[known]) if is_wall else due_s
     follower = np.minimum(np.searchsorted(known, np.arange(len(records))), len(known) - 1)
-    return Tape(path, records, times[follower], due_s[follower], frames.malformed, frames.skipped_bytes)
+    return Tape(
+        path=path,
+        records=records,
+        t_s=times[follower],
+        due_s=due_s[follower],
+        malformed_count=frames.malformed,
+        skipped_bytes=frames.skipped_bytes,
+    )
 
 
 class _Records(Sequence[tuple[int, bytes]]):

@@ -33,13 +33,13 @@ AZIMUTH_RAD = math.radians(40.0)
 FIRST_NS = NS_PER_S
 THEIRS_NS = 7_000 * NS_PER_S
 UAV = weave(AZIMUTH_RAD + 0.6)
-BEACON = straight(40 * direction(AZIMUTH_RAD, math.pi / 2), np.array([0.3, -0.2, 0.0]), 1.0, 3.0, 0.4)
+BEACON = straight(40 * direction(AZIMUTH_RAD, math.pi / 2), np.array([0.3, -0.2, 0.0]), 1.0, 3.0, yaw_rad=0.4)
 
 
 def heard(records: Iterable[FeitRecord], sender: str, shift_ns: int) -> list[ChannelSample]:
     """Of a host that reads each record 0.2 ms after the packet."""
     clock, tape, samples = ManualClock(), RecordedCsi(), list[ChannelSample]()
-    radio = Radio(tape, {mac(sender): 2}, clock, samples.append, lambda *_: None)
+    radio = Radio(source=tape, peers={mac(sender): 2}, clock=clock, on_sample=samples.append, on_record=lambda *_: None)
     for record in records:
         t_ns = record.host_time_us * 1000 - DEFAULT_EPOCH_NS + shift_ns + 200_000
         clock.advance((t_ns - clock.now_ns()) / NS_PER_S)
@@ -56,7 +56,7 @@ def flown(
     world = scene(3, radio, beacon_clock_offset_s=0.0)
     at_uav, at_beacon = simulate_ax_exchanges(world, uav, beacon, host_stamps=True)
     forward, reverse = heard(at_uav, BEACON_MAC, 0), heard(at_beacon, UAV_MAC, THEIRS_NS)
-    window = SarWindow(LEVER_M, wavelength_m(108), 80, 0.05)
+    window = SarWindow(antenna_m=LEVER_M, wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
     for own in poses_of(uav, 0):
         window.add_pose(own)
     for sample in forward:

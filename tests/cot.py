@@ -15,7 +15,7 @@ _TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z")
 _DECIMAL = re.compile(r"-?\d+(\.\d+)?")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cot:
     """One event as it was read."""
 
@@ -51,4 +51,12 @@ def read_cot(data: bytes) -> Cot:
     values = {name: float(value) for name, value in point.items()}
     assert -90 <= values["lat"] <= 90 and -180 <= values["lon"] <= 180
     assert values["ce"] >= 0 and values["le"] >= 0
-    return Cot(root.attrib["uid"], root.attrib["type"], root.attrib["how"], time, stale, values, root[1])
+    return Cot(
+        uid=root.attrib["uid"],
+        kind=root.attrib["type"],
+        how=root.attrib["how"],
+        time=time,
+        stale=stale,
+        point=values,
+        detail=root[1],
+    )

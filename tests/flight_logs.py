@@ -37,7 +37,7 @@ def uav_log(path: Path, session: Session) -> None:
         for at in range(0, len(exchanges), _EACH):
             part = exchanges[at : at + _EACH]
             t_ns = part[-1][1]
-            writer.write(NEIGHBOUR, t_ns, t_ns, 0, _datagram([frame for frame, _ in part], at, t_ns))
+            writer.write(NEIGHBOUR, t_ns, t_ns, 0, message=_datagram([frame for frame, _ in part], at, t_ns))
         writer.finish()
 
 
@@ -67,7 +67,7 @@ def beacon_log(
             t_ns = heard_ns - shift_ns + jitter_ns(frame)
             stamp_us = _stamp_us(frame) + 7_000_001 * is_other_flight
             heard = stamp_us.to_bytes(4, "little") + body[4:34] + frame.to_bytes(4, "little") + body[38:]
-            writer.write(CSI, t_ns, t_ns, 0, b"\xbb" + heard)
+            writer.write(CSI, t_ns, t_ns, 0, message=b"\xbb" + heard)
         writer.finish()
 
 

@@ -42,7 +42,7 @@ def play(records: Iterable[CsiRecord], peers: dict[bytes, int], base_ns: int) ->
     """The samples of one card whose host reads each record 0.2 ms after the packet."""
     clock, tape = ManualClock(), RecordedCsi()
     samples: list[ChannelSample] = []
-    radio = Radio(tape, peers, clock, samples.append, lambda *_: None)
+    radio = Radio(source=tape, peers=peers, clock=clock, on_sample=samples.append, on_record=lambda *_: None)
     wall_ns: int | None = None
     for record in records:
         assert record.host_time_ns is not None
@@ -59,11 +59,11 @@ def poses_of(trajectory: Trajectory, shift_ns: int, yaw_of_frame_rad: float = 0.
     p_m, yaw = trajectory.at(t_s)
     return [
         Pose(
-            round(t * NS_PER_S) + shift_ns,
-            (x - 7.0, y + 3.0, z),
-            (math.cos(a / 2), 0.0, 0.0, math.sin(a / 2)),
-            (0, 0, 0),
-            3,
+            t_mono_ns=round(t * NS_PER_S) + shift_ns,
+            p_enu_m=(x - 7.0, y + 3.0, z),
+            q_enu_from_body=(math.cos(a / 2), 0.0, 0.0, math.sin(a / 2)),
+            v_enu_m_s=(0, 0, 0),
+            confidence=3,
         )
         for t, (x, y, z), a in zip(t_s.tolist(), p_m.tolist(), yaw.tolist(), strict=True)
     ]
@@ -78,7 +78,7 @@ class Scene:
         # Far away: the far-field estimate is biased by the curvature of the wave where two metres of aperture are not
         # small against the range.
         start = 40 * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad), 0.0])
-        self.beacon = straight(start, np.array([0.3, -0.2, 0.0]), 1.0, 3.0, 0.4)
+        self.beacon = straight(start, np.array([0.3, -0.2, 0.0]), 1.0, 3.0, yaw_rad=0.4)
         at_uav, at_beacon = simulate_exchanges(self.scenario, self.uav, self.beacon)
         self.first_ns = round(1.0 * NS_PER_S)
         self.forward = play(at_uav, {mac(BEACON_MAC): 2}, self.first_ns)
@@ -100,7 +100,7 @@ class Scene:
         return datagrams
 
     def window(self) -> SarWindow:
-        window = SarWindow(LEVER_M, wavelength_m(108), 80, 0.05)
+        window = SarWindow(antenna_m=LEVER_M, wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
         for pose in poses_of(self.uav, 0):
             window.add_pose(pose)
         for sample in self.forward:

@@ -105,7 +105,7 @@ class RobotClock:
         await self._timeline.sleep_until_ns(round((deadline_ns - self.offset_ns) / (1 + self.drift)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LiveLink:
     """What the service made of one transmitter, and what the analysis made of it."""
 
@@ -139,7 +139,7 @@ class LiveLink:
         return abs(self.polar_rad - self.analysed_polar_rad)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Robot:
     """One end: its tape, its clock, its node, and where its hardware's bytes go."""
 
@@ -204,13 +204,26 @@ async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path)
     channel = read_truth(run.truth).channel
     timeline = Timeline()
     robots = _robots(
-        run, {name: analysed[name].mac or "" for name in names}, rx, tapes, folder, timeline, channel, connectors
+        run,
+        {name: analysed[name].mac or "" for name in names},
+        rx,
+        tapes,
+        folder=folder,
+        timeline=timeline,
+        channel=channel,
+        connectors=connectors,
     )
     uav, beacons = robots[0], robots[1:]
     clock = EventClock(uav.clock)
     recorder = McapRecorder(folder / "log.mcap", uav.config, clock)
     uav.node = node = Node(uav.config, clock, recorder, LiveInputs(uav.config))
-    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(channel), 20, _LONGEST_GAP_S, node.radio.nic_clock)
+    window = SarWindow(
+        antenna_m=(0.0, 0.0, 0.0),
+        wavelength_m=wavelength_m(channel),
+        min_packets=20,
+        max_pose_gap_s=_LONGEST_GAP_S,
+        nic_clock=node.radio.nic_clock,
+    )
     node.samples.connect(window.add_sample)
     node.poses.connect(window.add_pose)
     for robot in beacons:
@@ -232,19 +245,19 @@ async def _run_on(connectors: list[int], run: Run, kind: PoseKind, folder: Path)
             assert robot.node is not None
             links.append(
                 LiveLink(
-                    name,
-                    report,
-                    None if estimate is None else estimate.azimuth_rad,
-                    None if estimate is None else estimate.polar_rad,
-                    theirs.azimuth_rad,
-                    theirs.polar_rad,
-                    not theirs.polar_observable,
-                    0 if estimate is None else estimate.packets,
-                    theirs.packets,
-                    neighbour.health(uav.clock.now_ns()),
-                    (robot.clock.now_ns() - end_ns) / NS_PER_S,
-                    int(np.diff(robot.sent_bytes).max()),
-                    robot.node.sender.thinned,
+                    name=name,
+                    report=report,
+                    azimuth_rad=None if estimate is None else estimate.azimuth_rad,
+                    polar_rad=None if estimate is None else estimate.polar_rad,
+                    analysed_azimuth_rad=theirs.azimuth_rad,
+                    analysed_polar_rad=theirs.polar_rad,
+                    level=not theirs.polar_observable,
+                    packets=0 if estimate is None else estimate.packets,
+                    analysed_packets=theirs.packets,
+                    health=neighbour.health(uav.clock.now_ns()),
+                    true_clock_offset_s=(robot.clock.now_ns() - end_ns) / NS_PER_S,
+                    sent_bytes_s=int(np.diff(robot.sent_bytes).max()),
+                    thinned=robot.node.sender.thinned,
                 )
             )
         for task in running:
@@ -294,6 +307,7 @@ def _robots(
     macs: dict[str, str],
     rx: Tape,
     tapes: dict[str, Tape],
+    *,
     folder: Path,
     timeline: Timeline,
     channel: int,
@@ -340,17 +354,17 @@ def _robots(
         offset_s, drift = (
             (0.0, 0.0)
             if name == "rx"
-            else clock_line(heard, _counted(tapes[name]), macs[name], rx_mac, float(rx.t_s[0]))
+            else clock_line(heard, _counted(tapes[name]), macs[name], rx_mac, start_s=float(rx.t_s[0]))
         )
         feeder: Feeder = NetlinkFeeder(index) if kind == "netlink" else UnixFeeder(place / "csi.sock")
         # The recorded clocks set those of the beacons; a tape plays when the air carried it.
         clock = RobotClock(timeline, _ZERO_S + offset_s, drift)
         tape = rx if name == "rx" else tapes[name]
-        robots.append(_Robot(config, tape, clock, start_s + offset_s, feeder))
+        robots.append(_Robot(config=config, tape=tape, clock=clock, play_from_s=start_s + offset_s, feeder=feeder))
     return robots
 
 
-def clock_line(rx: _Counted, tx: _Counted, mac: str, rx_mac: str, start_s: float) -> tuple[float, float]:
+def clock_line(rx: _Counted, tx: _Counted, mac: str, rx_mac: str, *, start_s: float) -> tuple[float, float]:
     """Wall clock of the transmitter's recording less that of the receiver's at `start_s`, and its drift, from the
     counters both logs share; zeros where they have none, since such recordings agree."""
     ours, theirs = rx.get(mac, {}), tx.get(rx_mac, {})

@@ -38,7 +38,7 @@ def scene(
 ) -> Scenario:
     """A scenario with sockets in `folder`; its CSI comes by the two `connectors` if any are given."""
 
-    def robot(name: str, mac: str, height_m: float, ppm: float, offset_s: float) -> RobotScenario:
+    def robot(name: str, mac: str, height_m: float, ppm: float, *, offset_s: float) -> RobotScenario:
         endpoint = (
             CsiEndpoint("unix", path=str(folder / f"{name}-csi.sock"))
             if not connectors
@@ -55,8 +55,8 @@ def scene(
 
     return Scenario(
         seed=seed,
-        uav=robot("uav", UAV_MAC, 0.1, uav_ppm, 0.0),
-        beacon=robot("beacon", BEACON_MAC, 0.5, beacon_ppm, beacon_clock_offset_s),
+        uav=robot("uav", UAV_MAC, 0.1, uav_ppm, offset_s=0.0),
+        beacon=robot("beacon", BEACON_MAC, 0.5, beacon_ppm, offset_s=beacon_clock_offset_s),
         truth_in=str(folder / "truth-in.sock"),
         truth_out=str(folder / "truth-out.sock"),
         radio=radio or RadioScenario(),
@@ -76,7 +76,9 @@ def weave(heading_rad: float, length_m: float = 1.2, speed_m_s: float = 0.4, sta
     return Trajectory(start_s + share * length_m / speed_m_s, p_enu_m, heading_rad + 0.5 * share)
 
 
-def straight(p_from_enu_m: Array, velocity_m_s: Array, start_s: float, duration_s: float, yaw_rad: float) -> Trajectory:
+def straight(
+    p_from_enu_m: Array, velocity_m_s: Array, start_s: float, duration_s: float, *, yaw_rad: float
+) -> Trajectory:
     """Constant velocity; zero stands still."""
     t_s = np.array([start_s, start_s + duration_s])
     return Trajectory(t_s, p_from_enu_m + np.outer(t_s - start_s, velocity_m_s), np.full(2, yaw_rad))

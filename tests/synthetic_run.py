@@ -72,8 +72,13 @@ def write_run(
     distance_m = np.linalg.norm(path_m(t_s, flat) - np.array(p_tx_m) - way_m, axis=1)
     one_way = np.exp(-2j * np.pi * distance_m / wavelength_m(CHANNEL))
     oscillators = np.exp(2j * np.pi * rng.random(EXCHANGES))
-    answers = [_record(n, t_s[n] + 3e-4, TX_MAC, one_way[n] * oscillators[n], layout, rng) for n in range(EXCHANGES)]
-    pings = [_record(n, t_s[n], RX_MAC, one_way[n] / oscillators[n], layout, rng, tx_clock_s) for n in range(EXCHANGES)]
+    answers = [
+        _record(n, t_s[n] + 3e-4, TX_MAC, one_way[n] * oscillators[n], layout=layout, rng=rng) for n in range(EXCHANGES)
+    ]
+    pings = [
+        _record(n, t_s[n], RX_MAC, one_way[n] / oscillators[n], layout=layout, rng=rng, clock_s=tx_clock_s)
+        for n in range(EXCHANGES)
+    ]
     files.rx.write_bytes(log_of(answers) + log_of(answers[:1])[:40])
     files.tx.write_bytes(log_of(pings))
     pose_t_s = np.arange(0.0, SECONDS, 0.01)
@@ -93,6 +98,7 @@ def _record(
     t_s: float,
     mac: str,
     channel: complex,
+    *,
     layout: int,
     rng: np.random.Generator,
     clock_s: float = 0.0,

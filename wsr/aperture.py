@@ -167,6 +167,7 @@ def make_aperture(
     p_i_m: ArrayLike,
     channel: ArrayLike,
     wavelength_m: float,
+    *,
     p_j_m: ArrayLike | None = None,
     min_packets: int = MIN_PACKETS,
     min_length_m: float | None = None,

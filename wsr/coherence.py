@@ -17,6 +17,7 @@ def rest_spread_rad(
     reverse: NDArray[np.complex64],
     nic_us: NDArray[np.float64],
     wavelength_m: float,
+    *,
     grid: Grid,
     half_turns: bool,
 ) -> float:

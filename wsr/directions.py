@@ -42,7 +42,7 @@ class Profile:
     undersampled: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Peak:
     """A direction of high power: `power` is 1 for perfect coherence, `relative_power` is 1 for the highest peak.
 

@@ -51,6 +51,7 @@ def find_drift(
     t_s: Array,
     focus: Focus,
     starts: list[tuple[float, float]],
+    *,
     ranges_m: tuple[float | None, ...],
     beam_rad: float,
     bounds: Bounds,
@@ -60,7 +61,7 @@ def find_drift(
     whole = parts.whole()
     tau = (t_s - t_s.mean()) / max(float(np.ptp(t_s)), 1e-9)
     x_m = whole.x.T.astype(np.float64) * whole.wavelength_m
-    if focus.coherence >= 1.0 or not is_told_apart(x_m, tau, whole.wavelength_m, focus, bounds.planar):
+    if focus.coherence >= 1.0 or not is_told_apart(x_m, tau, whole.wavelength_m, focus, level=bounds.planar):
         return None
     path_turns = float(np.linalg.norm(np.diff(x_m, axis=0), axis=1).sum()) / whole.wavelength_m
     most = max(_TURN_STEP, _MAX_BIAS * path_turns)
@@ -74,15 +75,15 @@ def find_drift(
         n, r = np.unravel_index(int(np.argmax(coherence)), coherence.shape)
         if coherence[n, r] > best[0]:
             best = (float(coherence[n, r]), turns, around[n], ranges_m[r])
-    found = _refined(whole, tau, best[1], best[2], best[3], beam_rad, bounds)
+    found = _refined(whole, tau, best[1], best[2], range_m=best[3], beam_rad=beam_rad, bounds=bounds)
     if 1.0 - found.focus.coherence > _EXPLAINED * (1.0 - focus.coherence):
         return None
     return found
 
 
-def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus, level: bool = False) -> bool:
+def is_told_apart(x_m: Array, tau: Array, wavelength_m: float, focus: Focus, *, level: bool = False) -> bool:
     """Whether bins x (B, 3) tell a linear phase over tau (B,) from a direction; `level`: from an azimuth."""
-    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, focus.azimuth_rad, focus.polar_rad, None)
+    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, focus.azimuth_rad, focus.polar_rad, range_m=None)
     rows = (slopes - slopes.mean(axis=0))[:, : 1 if level else 2]
     ramp = tau - tau.mean()
     lost = ramp @ rows
@@ -119,7 +120,7 @@ def _cap(azimuth: float, polar: float) -> Array:
 
 
 def _refined(
-    parts: SubApertures, tau: Array, turns: float, u: Array, range_m: float | None, beam_rad: float, bounds: Bounds
+    parts: SubApertures, tau: Array, turns: float, u: Array, *, range_m: float | None, beam_rad: float, bounds: Bounds
 ) -> Drift:
     """Direction and range by `refine`, turns by parabolas, in turn."""
     azimuth, polar = math.atan2(u[1], u[0]), math.acos(min(max(float(u[2]), -1.0), 1.0))
@@ -128,7 +129,17 @@ def _refined(
     for _ in range(_ROUNDS):
         start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
         here, *beside = _turned_all(parts, tau, [turns, turns - width, turns + width])
-        focus = refine(here, start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
+        focus = refine(
+            here,
+            start,
+            np.ones(1),
+            step_rad,
+            beam_rad=beam_rad,
+            bounds=bounds,
+            delay_ns=None,
+            coherent_above=2.0,
+            steps=_STEPS_A_ROUND,
+        )
         at = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
         scores = score_together([here, *beside], at, (focus.range_m,), None)
         middle, low, high = (float(each.coherence[0, 0, 0]) for each in scores)
@@ -138,5 +149,15 @@ def _refined(
         width, step_rad = 0.5 * width, 0.5 * step_rad
     here = turned(parts, tau, turns)
     start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
-    focus = refine(here.condensed(), start, np.ones(1), step_rad, beam_rad, bounds, None, 2.0, _STEPS_A_ROUND)
+    focus = refine(
+        here.condensed(),
+        start,
+        np.ones(1),
+        step_rad,
+        beam_rad=beam_rad,
+        bounds=bounds,
+        delay_ns=None,
+        coherent_above=2.0,
+        steps=_STEPS_A_ROUND,
+    )
     return Drift(focus, turns, tau, here)

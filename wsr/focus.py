@@ -162,6 +162,7 @@ def refine(
     start: tuple[float, float, float | None],
     peak: Array,
     step_rad: float,
+    *,
     beam_rad: float,
     bounds: Bounds,
     delay_ns: float | None,

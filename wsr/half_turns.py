@@ -41,7 +41,7 @@ def without_half_turns(aperture: Aperture) -> Aperture:
     wave_m = aperture.wavelength_m
     limits = ChainLimits(_FAR_WAVELENGTHS * wave_m, _NEAR_WAVELENGTHS * wave_m, gate=False)
     clock_s = aperture.t_s if aperture.nic_us is None else (aperture.nic_us[:, 0] - aperture.nic_us[0, 0]) * 1e-6
-    quarters = chain_quarters(field, clock_s, aperture.chi_m, limits, on)[0]
+    quarters = chain_quarters(field, clock_s, aperture.chi_m, limits, grid=on)[0]
     # h turned by n quarters is h^2 times (-1)^n, which is a sign of one of both ends.
     sign = np.where(quarters % 2 == 0, 1.0, -1.0)
     return replace(

@@ -66,6 +66,7 @@ def most_likely(
     x_m: Array,
     segment: NDArray[np.int64],
     counts: NDArray[np.int64],
+    *,
     focus: Focus,
     nuisance: Array | None = None,
 ) -> Focus:
@@ -83,7 +84,7 @@ def most_likely(
     for _ in range(_STEPS):
         here = Focus(azimuth, polar, range_m, focus.coherence)
         m = _matched(pieced, x_m, parts.wavelength_m, here)
-        slopes = phase_slopes(x_m, parts.wavelength_m, azimuth, polar, range_m)
+        slopes = phase_slopes(x_m, parts.wavelength_m, azimuth, polar, range_m=range_m)
         if nuisance is not None:
             slopes = np.column_stack([slopes, nuisance])
         weight = np.maximum(m.real, 0.0)

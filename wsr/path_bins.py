@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Bins:
     """p_m (B, 3) mean positions, channel (B, S) mean channels, counts (B,) packets, segment (B,) of the chain of signs,
     weights (M,) of the packets: 1 / count of their bin, 0 where dropped."""
@@ -36,6 +36,7 @@ def path_bins(
     channel: NDArray[np.complexfloating],
     keep: NDArray[np.bool_],
     segment: NDArray[np.int64],
+    *,
     length_m: float | None,
 ) -> Bins:
     """Means over runs of kept packets that stay within `length_m` of the run's first, or of single packets if None.
@@ -53,11 +54,11 @@ def path_bins(
     mean_p, mean_h = np.zeros((starts.size, 3)), np.zeros((starts.size, h.shape[1]), np.complex128)
     _average(np.ascontiguousarray(p), np.ascontiguousarray(h, np.complex64), starts, mean_p, mean_h)
     return Bins(
-        mean_p,
-        mean_h,
-        counts,
-        part[starts],
-        weights,
+        p_m=mean_p,
+        channel=mean_h,
+        counts=counts,
+        segment=part[starts],
+        weights=weights,
     )
 
 

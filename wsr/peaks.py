@@ -41,12 +41,12 @@ def find_peaks(profile: Profile, count: int, min_separation_rad: float = MIN_SEP
         near = relief[max(r - 1, 0) : r + 2, np.arange(c - 1, c + 2) % relief.shape[1]]
         kept.append(
             Peak(
-                float(profile.azimuth_rad[column]),
-                float(profile.polar_rad[row]),
-                float(powers[index]),
-                float(powers[index] / powers[order[0]]),
-                float(near.max()),
-                width_rad(profile.power, row, column),
+                azimuth_rad=float(profile.azimuth_rad[column]),
+                polar_rad=float(profile.polar_rad[row]),
+                power=float(powers[index]),
+                relative_power=float(powers[index] / powers[order[0]]),
+                prominence=float(near.max()),
+                width_rad=width_rad(profile.power, row, column),
             )
         )
         near_one |= great_circle(units[index], units) < min_separation_rad

@@ -77,12 +77,12 @@ def ring_peaks(seen: Look, count: int) -> tuple[Peak, ...]:
             kept.append(int(top))
     return tuple(
         Peak(
-            float(azimuth[k]),
-            float(best[k]),
-            float(ring[k]),
-            float(ring[k] / ring.max()),
-            float(relief[k]),
-            width_rad(ring[None, :], 0, k),
+            azimuth_rad=float(azimuth[k]),
+            polar_rad=float(best[k]),
+            power=float(ring[k]),
+            relative_power=float(ring[k] / ring.max()),
+            prominence=float(relief[k]),
+            width_rad=width_rad(ring[None, :], 0, k),
         )
         for k in kept
     )

@@ -106,28 +106,28 @@ def without_delay(
 
 
 def chain(
-    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None = None
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, *, grid: Grid | None = None
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
     """Signs (M,) of +-1 that make h continuous, which packets to keep, and the segment each belongs to.
 
     Between packets, the phase of h h_last^* over all subcarriers, less delay and less the phase that its smoothed rate
     predicts, says whether the sign flipped.
     """
-    quarters, keep, segment = _chained(channel, t_s, p_m, limits, grid, 2)
+    quarters, keep, segment = _chained(channel, t_s, p_m, limits, grid=grid, roots=2)
     return np.asarray(1.0 - quarters, np.float64), keep, segment
 
 
 def chain_quarters(
-    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None = None
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, *, grid: Grid | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     """As `chain` where each packet may be off by any of four quarter turns: how many (M,) to turn it by. What leaves a
     sign unknown leaves a quarter turn unknown at half of it."""
     halved = ChainLimits(limits.far_m / 2, limits.near_m / 2, math.cos(math.acos(limits.min_cosine) / 2), limits.gate)
-    return _chained(channel, t_s, p_m, halved, grid, 4)
+    return _chained(channel, t_s, p_m, halved, grid=grid, roots=4)
 
 
 def _chained(
-    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, grid: Grid | None, roots: int
+    channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, *, grid: Grid | None, roots: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
     parts, on = _parts(channel), known(channel.shape[1], grid)
     return _chain(

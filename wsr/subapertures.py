@@ -94,6 +94,7 @@ def sub_apertures(
     channel: Complex,
     segment: Indices,
     wavelength_m: float,
+    *,
     scales: Sequence[int],
     resign: bool = True,
     share: float = 1.0,

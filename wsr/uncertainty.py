@@ -21,6 +21,7 @@ def bound(
     wavelength_m: float,
     azimuth_rad: float,
     polar_rad: float,
+    *,
     range_m: float | None,
     level: bool,
     nuisance: Array | None = None,
@@ -33,7 +34,7 @@ def bound(
     infinite variance. `nuisance` (B,): a phase of this form and unknown size is estimated too, so that what it explains
     tells nothing.
     """
-    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, azimuth_rad, polar_rad, range_m)
+    slopes = phase_slopes(x_m - x_m.mean(axis=0), wavelength_m, azimuth_rad, polar_rad, range_m=range_m)
     free = [0] if level else [0, 1]
     if range_m is not None:
         free.append(2)
@@ -46,7 +47,9 @@ def bound(
     return result
 
 
-def phase_slopes(x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float, range_m: float | None) -> Array:
+def phase_slopes(
+    x_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float, *, range_m: float | None
+) -> Array:
     """Slopes (B, 3) of the phase 2 pi (|r u - x| - r) / lambda at x (B, 3) over azimuth, polar angle and range; (B, 2)
     without the range in the far field (None)."""
     du = np.stack(

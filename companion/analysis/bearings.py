@@ -71,7 +71,7 @@ def analyze_run_with(run: Run, options: Options, estimators: Sequence[Estimator]
     if run.truth is not None and truth_problem is not None:
         problems.append(truth_problem)
     try:
-        scene = read_scene(run, run.rx, kind, options, truth, problems)
+        scene = read_scene(run, run.rx, kind, options, truth=truth, problems=problems)
     except CompanionError as error:
         failed = RunResult(
             run=run,

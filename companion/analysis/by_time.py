@@ -40,7 +40,7 @@ def pair_by_card_time(ours_us: npt.NDArray[np.float64], theirs_us: npt.NDArray[n
         most = int(theirs_ns.max() - ours_ns[chosen].min())
         lag_ns = correlate(np.sort(ours_ns[chosen]), theirs_ns[by_time], least, most)
         if lag_ns is not None:
-            return _followed(ours_ns, theirs_ns, stretches, start, lag_ns)
+            return _followed(ours_ns, theirs_ns, stretches, start, lag_ns=lag_ns)
     return nothing, nothing
 
 
@@ -52,7 +52,7 @@ def _stretches(ours_ns: Times) -> Iterator[Indices]:
 
 
 def _followed(
-    ours_ns: Times, theirs_ns: Times, stretches: list[Indices], start: int, lag_ns: int
+    ours_ns: Times, theirs_ns: Times, stretches: list[Indices], start: int, *, lag_ns: int
 ) -> tuple[Indices, Indices]:
     found: list[tuple[Indices, Indices]] = []
     for way in (range(start, len(stretches)), range(start - 1, -1, -1)):

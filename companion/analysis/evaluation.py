@@ -52,7 +52,7 @@ class LinkRow:
     """The confidence of the WSR Toolbox, lower is better, for comparison with the reliability."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
     """Errors of some links: how many, median, mean, 90th percentile, share under 10 degrees."""
 
@@ -137,7 +137,7 @@ def evaluate_run(run: Run, options: Options) -> RunRows:
 
 
 def evaluation(
-    runs: Iterable[RunRows], poses: str, estimator: str, min_reliability: float, lever_m: Vector3 = NO_LEVER
+    runs: Iterable[RunRows], poses: str, estimator: str, min_reliability: float, *, lever_m: Vector3 = NO_LEVER
 ) -> Evaluation:
     """Of one run or more, with one link or more among them."""
     found = list(runs)
@@ -225,11 +225,11 @@ def _by_set(rows: Sequence[LinkRow]) -> dict[str, Figures]:
 def _figures(errors_deg: list[float]) -> Figures:
     errors = np.array(errors_deg)
     return Figures(
-        len(errors),
-        float(np.median(errors)),
-        float(errors.mean()),
-        float(np.percentile(errors, 90)),
-        float(np.mean(errors < _WITHIN_DEG)),
+        n=len(errors),
+        median_deg=float(np.median(errors)),
+        mean_deg=float(errors.mean()),
+        p90_deg=float(np.percentile(errors, 90)),
+        within_10=float(np.mean(errors < _WITHIN_DEG)),
     )
 
 

@@ -82,11 +82,12 @@ def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
     sources += [_csi_messages(path, _peer_stream(name), problems) for name, path in run.tx.items()]
     offset_s = options.time_offset_s
     sources += [
-        _pose_messages(path, kind, _pose_stream(kind), offset_s, problems) for kind, path in run.trajectories.items()
+        _pose_messages(path, kind, _pose_stream(kind), offset_s, problems=problems)
+        for kind, path in run.trajectories.items()
     ]
     for name, path in run.tx_trajectories.items():
         offset_s = options.tx_time_offsets_s.get(name, 0.0)
-        sources.append(_pose_messages(path, guess_kind(path), _pose_stream(name, _PEER), offset_s, problems))
+        sources.append(_pose_messages(path, guess_kind(path), _pose_stream(name, _PEER), offset_s, problems=problems))
     if sources[0] is None or (run.loose and not all(source is not None for source in sources)):
         raise RecordingError("; ".join(problems))
     scene = _scene(run, options, problems)
@@ -97,7 +98,7 @@ def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
             writer.add_metadata(RECORDING, values)
             there = [source for source in sources if source is not None]
             for t_ns, number, stream, message in heapq.merge(*there, key=lambda timed: timed[0]):
-                writer.write(stream, t_ns, t_ns, number, message)
+                writer.write(stream, t_ns, t_ns, number, message=message)
             writer.finish()
     except OSError as error:
         raise CompanionError(f"{error.filename or target}: cannot be written: {error.strerror}") from None
@@ -124,6 +125,7 @@ def export(
     formats: Sequence[str],
     folder: Path,
     progress: Progress | None = None,
+    *,
     on_cut: Callable[[Path], None] | None = None,
 ) -> list[Path]:
     """As `companion.log.export.export`, but that a recording gives its own files again as .dat and CSV."""
@@ -271,7 +273,7 @@ def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> Iterator[_
 
 
 def _pose_messages(
-    path: Path, kind: PoseKind, stream: Stream, offset_s: float, problems: list[str]
+    path: Path, kind: PoseKind, stream: Stream, offset_s: float, *, problems: list[str]
 ) -> Iterator[_Timed] | None:
     """Poses as their file stamps them, at the time those stamps are on the packets' clock."""
     try:
@@ -342,11 +344,11 @@ def _renamed(result: RunResult, folder: str, scene: ImportedScene) -> RunResult:
 def _pose_stream(name: str, before: str = "") -> Stream:
     """Of the receiving robot by kind, of a moving transmitter by name."""
     topic = f"{before}{name}{POSE.topic}" if before else f"{POSE.topic}/{name}"
-    return Stream(topic, 200, 0.2, "protobuf", Part.INPUT)
+    return Stream(topic=topic, rate_hz=200, stale_s=0.2, encoding="protobuf", part=Part.INPUT)
 
 
 def _peer_stream(name: str) -> Stream:
-    return Stream(f"{_PEER}{name}{CSI.topic}", 150, 2.0, "raw", Part.INPUT)
+    return Stream(topic=f"{_PEER}{name}{CSI.topic}", rate_hz=150, stale_s=2.0, encoding="raw", part=Part.INPUT)
 
 
 def _name_of(topic: str) -> str:

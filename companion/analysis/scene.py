@@ -89,9 +89,9 @@ def lever_of(kind: PoseKind | None, options: Options) -> Vector3:
 
 
 def read_scene(
-    run: Run, rx_path: Path, kind: PoseKind, options: Options, truth: Survey | None, problems: list[str]
+    run: Run, rx_path: Path, kind: PoseKind, options: Options, *, truth: Survey | None, problems: list[str]
 ) -> RunScene:
-    rx, trajectory = _read_both(rx_path, run.trajectories[kind], kind, options.time_offset_s, problems)
+    rx, trajectory = _read_both(rx_path, run.trajectories[kind], kind, options.time_offset_s, problems=problems)
     channel = truth.channel if options.channel is None and truth is not None else options.channel
     if truth is not None and channel != truth.channel:
         problems.append(f"{truth.path}: says channel {truth.channel}, but {channel} was given and is used")
@@ -121,7 +121,7 @@ def read_scene(
 
 
 def _read_both(
-    rx_path: Path, path: Path, kind: PoseKind, offset_s: float, problems: list[str]
+    rx_path: Path, path: Path, kind: PoseKind, offset_s: float, *, problems: list[str]
 ) -> tuple[CsiLog, RecordedTrajectory]:
     """The trajectory, and of the log the packets within a minute of it: what the clocks' relation rests on."""
     try:

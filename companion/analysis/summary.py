@@ -18,7 +18,7 @@ Json = dict[str, object]
 _FAR_DEG = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SetSummary:
     """Azimuth errors over the links of a set (the folder above the runs); None where there are none."""
 
@@ -88,9 +88,18 @@ def _summary(name: str, links: Sequence[LinkResult]) -> SetSummary:
     known = [link for link in links if link.truth is not None or link.estimate is None]
     errors = np.degrees([abs(link.azimuth_error_rad) for link in links if link.azimuth_error_rad is not None])
     if not len(errors):
-        return SetSummary(name, 0, len(known), None, None, None)
+        return SetSummary(
+            name=name, links=0, of_links=len(known), median_deg=None, mean_deg=None, share_below_10_deg=None
+        )
     share = float(np.mean(errors < _FAR_DEG))
-    return SetSummary(name, len(errors), len(known), float(np.median(errors)), float(np.mean(errors)), share)
+    return SetSummary(
+        name=name,
+        links=len(errors),
+        of_links=len(known),
+        median_deg=float(np.median(errors)),
+        mean_deg=float(np.mean(errors)),
+        share_below_10_deg=share,
+    )
 
 
 def _run_json(result: RunResult) -> Json:

@@ -74,7 +74,13 @@ class MavsdkAutopilot:
         first PX4 that is heard is ours, and no other ever after. `is_of_vehicle`: as in `MavsdkLink`."""
         self._clock = clock
         self._telemetry = Telemetry(clock.now_ns, on_odometry, self._answer_time, wants_gps)
-        self._link = MavsdkLink(url, self._telemetry.message_names, self._telemetry.take, system_id, is_of_vehicle)
+        self._link = MavsdkLink(
+            url=url,
+            names=self._telemetry.message_names,
+            on_message=self._telemetry.take,
+            system_id=system_id,
+            is_of_vehicle=is_of_vehicle,
+        )
         self.ground = GroundStation(self._link, self._vehicle_ms)
         self._asked_ns = 0
         self._asked_boots = -1
@@ -260,7 +266,9 @@ class MavsdkAutopilot:
                 raise GaveWayError(f"mode {wanted}: the mode became {state.mode} meanwhile; somebody else decided")
             return state.mode is wanted and (state.mode_mono_ns or 0) > sent_ns
 
-        await self._command(_CMD_DO_SET_MODE, (_MODE_FLAG_CUSTOM, *custom), confirmed, f"mode {wanted}", timeout_s)
+        await self._command(
+            _CMD_DO_SET_MODE, (_MODE_FLAG_CUSTOM, *custom), confirmed, f"mode {wanted}", timeout_s=timeout_s
+        )
 
     async def _command(
         self,
@@ -268,6 +276,7 @@ class MavsdkAutopilot:
         parameters: tuple[float | None, ...],
         confirmed: Callable[[VehicleState], bool],
         what: str,
+        *,
         timeout_s: float = _CONFIRM_TIMEOUT_S,
     ) -> None:
         self._telemetry.acknowledgements.pop(command, None)

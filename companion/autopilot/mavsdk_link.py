@@ -52,6 +52,7 @@ class MavsdkLink:
 
     def __init__(
         self,
+        *,
         url: str,
         names: Iterable[str],
         on_message: Callable[[str, int, str], None],

@@ -84,7 +84,13 @@ def pose_from_odometry(fields: dict[str, Any], t_mono_ns: int) -> Pose:
     attitude = (-_ROOT_HALF * (w + z), -_ROOT_HALF * (x + y), _ROOT_HALF * (y - x), _ROOT_HALF * (z - w))
     position = enu_of_ned(*_finite(fields[name] for name in ("x", "y", "z")))
     confidence = 0 if int(fields.get("quality", 0)) < 0 else 3  # 0 is unknown: PX4 1.16 tells nothing else
-    return Pose(t_mono_ns, position, attitude, enu_of_ned(*velocity), confidence)
+    return Pose(
+        t_mono_ns=t_mono_ns,
+        p_enu_m=position,
+        q_enu_from_body=attitude,
+        v_enu_m_s=enu_of_ned(*velocity),
+        confidence=confidence,
+    )
 
 
 def _rotated(q_wxyz: Quaternion, v: Vector3) -> Vector3:

@@ -36,6 +36,7 @@ class TagDetector:
 
     def __init__(
         self,
+        *,
         family: str,
         sizes_m: Mapping[int, float],
         other_size_m: float,

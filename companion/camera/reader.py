@@ -67,7 +67,13 @@ def _detector(settings: ReaderSettings) -> TagDetector:
     (fx, fy), (cx, cy) = settings.focal_px, settings.centre_px
     sizes = settings.sizes_m
     matrix = ((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0))
-    return TagDetector(settings.family, sizes, max(sizes.values(), default=0.1), matrix, settings.distortion)
+    return TagDetector(
+        family=settings.family,
+        sizes_m=sizes,
+        other_size_m=max(sizes.values(), default=0.1),
+        matrix=matrix,
+        distortion=settings.distortion,
+    )
 
 
 if __name__ == "__main__":

@@ -89,9 +89,11 @@ def analyze(
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
     kind = PoseKind(poses) if poses else None
-    found = chosen_runs(runs, stamps, rx, tx, traj, kind)
+    found = chosen_runs(runs, stamps, rx, tx, traj=traj, kind=kind)
     options = Options(kind=kind, channel=channel, lever_m=lever, estimator=estimator)
-    found, options = with_moving_ends(found, options, time_offset, tx_traj, tx_time_offset, tx_lever)
+    found, options = with_moving_ends(
+        found, options, time_offset, tx_traj, tx_time_offset=tx_time_offset, tx_lever=tx_lever
+    )
     chosen = [(run, macs_by_name(macs, run)) for run in found]
     check_writable(json_path, None if no_pictures else out)
     console = wide_console(_PIPE_COLUMNS)

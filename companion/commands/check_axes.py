@@ -72,7 +72,9 @@ def _pose(control: Path) -> dict[str, Any]:
 
 def _pose_of(answer: dict[str, Any]) -> Pose:
     p, q, v = (tuple(answer[name]) for name in ("p_enu_m", "q_enu_from_body", "v_enu_m_s"))
-    return Pose(answer["t_mono_ns"], p, q, v, answer["confidence"])
+    return Pose(
+        t_mono_ns=answer["t_mono_ns"], p_enu_m=p, q_enu_from_body=q, v_enu_m_s=v, confidence=answer["confidence"]
+    )
 
 
 def _north(answer: dict[str, Any]) -> tuple[float | None, str]:

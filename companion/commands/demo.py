@@ -81,7 +81,7 @@ def demo(
         asyncio.run(compile_kernel("robust"))
     with LiveTable(console) as table:
         try:
-            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps, scene, card))
+            run = asyncio.run(run_demo(seed, out, max_time, table.show, gps=gps, scene=scene, card=card))
         except asyncio.CancelledError:
             raise CompanionError("ended by a signal") from None
     result = _report(run, out, console)
@@ -111,7 +111,7 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
             np.array([t.uav_antenna_enu_m for t in run.truths]),
             np.array([t.beacon_antenna_enu_m for t in run.truths]),
             bearings,
-            f"The flight from above, seed {result.seed}: {result.outcome}",
+            title=f"The flight from above, seed {result.seed}: {result.outcome}",
         )
         written.append(out / "flight.png")
     if profile is not None and last is not None and last.estimate is not None:
@@ -119,7 +119,9 @@ def _report(run: DemoRun, out: Path, console: Console) -> DemoResult:
         truth = None
         if row is not None:
             truth = (math.radians(row.true_azimuth_deg), math.radians(90.0 - row.true_elevation_deg))
-        draw_profile(out / "profile.png", profile, last.estimate, truth, f"AOA profile of SAR iteration {last.number}")
+        draw_profile(
+            out / "profile.png", profile, last.estimate, truth, title=f"AOA profile of SAR iteration {last.number}"
+        )
         written.append(out / "profile.png")
     console.print("transport of CSI: " + _transport(run), highlight=False)
     console.print("written: " + ", ".join(map(str, written)), highlight=False)

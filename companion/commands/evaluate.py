@@ -83,7 +83,9 @@ def evaluate(
     if not any(run.links for run in done):
         left_out = [entry.reason for run in done for entry in run.left_out]
         raise CompanionError(f"{directory}: no link has all its files: {left_out[0]}")
-    result = evaluation(done, poses, estimator, min_reliability, DEFAULT_LEVERS_M[kind] if lever is None else lever)
+    result = evaluation(
+        done, poses, estimator, min_reliability, lever_m=DEFAULT_LEVERS_M[kind] if lever is None else lever
+    )
     _print(result, console)
     if json_path is not None:
         write_json(json_path, result)

@@ -77,7 +77,7 @@ def export(path: Path, formats: tuple[str, ...], ros2: bool, out: Path) -> None:
     wanted = (*formats, ROS2) if ros2 else formats or FORMATS
     cut = dict[Path, None]()
     with new_folder(out), writing(out), understood(path), tracked_bytes("exporting") as progress:
-        written = write(session, wanted, out, progress, lambda part: cut.update({part: None}))
+        written = write(session, wanted, out, progress, on_cut=lambda part: cut.update({part: None}))
     for part in cut:
         click.echo(f"{part}: cut off or damaged; what can be read of it is exported", err=True)
     if not written:
@@ -131,9 +131,11 @@ def import_(
     from companion.analysis.imported import import_run
     from companion.analysis.result import Options
 
-    runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj, None)
+    runs = chosen_runs(() if run is None else (run,), stamps, rx, tx, traj=traj, kind=None)
     options = Options(kind=None, channel=channel, lever_m=lever)
-    runs, options = with_moving_ends(runs, options, time_offset, tx_traj, tx_time_offset, tx_lever)
+    runs, options = with_moving_ends(
+        runs, options, time_offset, tx_traj, tx_time_offset=tx_time_offset, tx_lever=tx_lever
+    )
     failed = []
     begun = time.monotonic()
     with tracked_bytes("importing") as progress:

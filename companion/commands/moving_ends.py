@@ -54,6 +54,7 @@ def with_moving_ends(
     options: Options,
     time_offset: float,
     tx_traj: tuple[str, ...],
+    *,
     tx_time_offset: tuple[str, ...],
     tx_lever: tuple[str, ...],
 ) -> tuple[list[Run], Options]:

@@ -52,6 +52,7 @@ def chosen_runs(
     stamps: tuple[str, ...],
     rx: Path | None,
     tx: tuple[Path, ...],
+    *,
     traj: Path | None,
     kind: PoseKind | None,
 ) -> list[Run]:
@@ -110,12 +111,16 @@ def draw_profiles(result: RunResult, out: Path) -> None:
         run, truth = result.run, link.truth
         path = out / f"{run.set_name}_{run.stamp}_{link.name}_{result.kind}.png"
         bearing = (truth.azimuth_rad, truth.polar_rad) if truth else None
-        seen = {"azimuth": link.estimate.azimuth_observable, "polar angle": link.estimate.polar_observable}
+        azimuth, polar = link.estimate.azimuth_observable, link.estimate.polar_observable
+        seen = {"azimuth": azimuth, "polar angle": polar}
         unseen = " and ".join(name for name, is_seen in seen.items() if not is_seen)
         flat = f"  {unseen} not observable on this path" if unseen else ""
         title = f"{run.title}  {link.name}  ({result.kind}){flat}"
         with writing(path):
-            draw_profile(path, link.profile, link.estimate, bearing, title, *seen.values())
+            draw_profile(
+                path, link.profile, link.estimate, bearing,
+                title=title, azimuth_observable=azimuth, polar_observable=polar,
+            )  # fmt: skip
 
 
 def _is_hex(byte: str) -> bool:

@@ -78,7 +78,7 @@ def replay(
     if out is not None and any(path.resolve() == (out / _LOG_NAME).resolve() for path in session.paths):
         raise CompanionError(f"{out / _LOG_NAME}: is the log that is replayed; choose another folder with --out")
     with understood(log):
-        _replay(session, speed, is_check, config_path, live_page, port, json_path, out)
+        _replay(session, speed, is_check, config_path, live_page=live_page, port=port, json_path=json_path, out=out)
 
 
 def _replay(
@@ -86,6 +86,7 @@ def _replay(
     speed: float | None,
     is_check: bool,
     config_path: Path | None,
+    *,
     live_page: bool,
     port: int,
     json_path: Path | None,
@@ -108,7 +109,7 @@ def _replay(
         if live_page:
             from companion.replay.live_page import replay_with_page
 
-            result = replay_with_page(player, session, speed, port, _announce, _stay)
+            result = replay_with_page(player, session, speed, port, announce=_announce, stay=_stay)
         else:
             with tracked_bytes("replaying") as progress:
                 result = replay_log(player, session, speed, progress)
@@ -119,7 +120,7 @@ def _replay(
         click.echo(
             f"the log is cut off or damaged: {result.flight_s:.1f} s can be replayed, up to its last whole event"
         )
-    _conclude(session, config, result, (is_check, config_path, json_path, out), console)
+    _conclude(session, config, result, (is_check, config_path, json_path, out), console=console)
 
 
 def _announce(url: str) -> None:
@@ -146,6 +147,7 @@ def _conclude(
     config: Config,
     result: ReplayResult,
     options: tuple[bool, Path | None, Path | None, Path | None],
+    *,
     console: Console,
 ) -> None:
     is_check, other, json_path, out = options
@@ -249,7 +251,7 @@ def _replay_recording(session: Session, json_path: Path | None, out: Path | None
         from companion.replay.recording_page import show_recording
 
         path_m = path_of_recording(session, result.kind)
-        show_recording(result, path_m, session.paths[0].name, port, _announce, _stay)
+        show_recording(result, path_m, session.paths[0].name, port, announce=_announce, stay=_stay)
     if not any(link.estimate is not None for link in result.links):
         raise CompanionError(f"{session.paths[0]}: no bearing; {'; '.join(problem_lines(result))}")
 

@@ -109,7 +109,7 @@ def study(
                 done.leave_out(each, f"left out: {error}", console)
                 continue
             try:
-                outcome = _run(each, specs, seed, runner, out)
+                outcome = _run(each, specs, seed, runner, out=out)
             except (TrialError, RunnerError) as error:
                 if name != ALL:
                     raise
@@ -190,13 +190,13 @@ def _named(scenes: str | None) -> tuple[str, ...]:
     return () if scenes is None else scene_names([name.strip() for name in scenes.split(",")], FLOWN)
 
 
-def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, out: Path) -> Outcome:
+def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, *, out: Path) -> Outcome:
     start = time.monotonic()
     if study.row is None:
-        rows = _rows(study, specs, seed, runner, None)
+        rows = _rows(study, specs, seed, runner, kept=None)
     else:
         with KeptRows[Any, Any](out, study.name, seed, study.row) as kept:
-            rows = _rows(study, specs, seed, runner, kept)
+            rows = _rows(study, specs, seed, runner, kept=kept)
     summary = study.summarise(rows)
     if not summary.findings:
         raise TrialError(f"{study.name}: none of {len(specs)} trials gave a result: {'; '.join(summary.notes)}")
@@ -216,7 +216,7 @@ def _run(study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialR
 
 
 def _rows(
-    study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, kept: KeptRows[Any, Any] | None
+    study: Study[Any, Any], specs: Sequence[Any], seed: int, runner: TrialRunner, *, kept: KeptRows[Any, Any] | None
 ) -> list[Any]:
     """Of all specifications, in order; those that are kept are not run again."""
     todo = [spec for spec in specs if kept is None or kept.row(spec) is None]

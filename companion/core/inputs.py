@@ -16,7 +16,7 @@ class Tick:
     """So long the host was suspended since the tick before, which the monotonic clock does not show."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
     """A person asked for something; `refusal` is the answer, empty when it was granted. What an engagement asks of the
     autopilot takes a while: this is when it was answered."""
@@ -57,7 +57,7 @@ class WorkerState:
     is_ready: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """The answer to aperture `id` arrived. `failure` says what happened to the worker; empty when it computed."""
 

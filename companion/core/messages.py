@@ -18,7 +18,7 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """A pose of the vehicle body from a pose source (VIO, motion capture, recording).
 
@@ -44,7 +44,13 @@ def pose_bytes(pose: Pose) -> bytes:
 def pose_of(data: bytes) -> Pose:
     """The inverse of `pose_bytes`, whatever stands behind. Raises struct.error for too few bytes."""
     t_ns, x, y, z, qw, qx, qy, qz, vx, vy, vz, confidence = _POSE.unpack_from(data)
-    return Pose(t_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence)
+    return Pose(
+        t_mono_ns=t_ns,
+        p_enu_m=(x, y, z),
+        q_enu_from_body=(qw, qx, qy, qz),
+        v_enu_m_s=(vx, vy, vz),
+        confidence=confidence,
+    )
 
 
 class FlightMode(StrEnum):

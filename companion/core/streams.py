@@ -22,7 +22,7 @@ class Part(StrEnum):
     """What really was, where a simulator or motion capture knows it. The service never sees it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
     """`rate_hz` is what a healthy system delivers; `stale_s` after the newest message the stream counts as lost."""
 
@@ -37,42 +37,42 @@ class Stream:
 
 _IN, _DECIDED, _VIEW, _REPORT = Part.INPUT, Part.DECISION, Part.VIEW, Part.REPORT
 
-CSI: Final = Stream("/csi", 150, 2.0, "raw", _IN)
-POSE_IN: Final = Stream("/pose/in", 200, 0.2, "raw", _IN)
-NEIGHBOUR: Final = Stream("/neighbour", 10, 2.0, "raw", _IN)
-TICK: Final = Stream("/tick", 20, 0.2, "json", _IN)
-VEHICLE: Final = Stream("/vehicle", 20, 1.5, "json", _IN)
-WISH: Final = Stream("/wish", 0, 0.0, "json", _IN)
-COMMAND: Final = Stream("/command", 0, 0.0, "json", _IN)
-WORKER: Final = Stream("/aoa/worker", 0, 0.0, "json", _IN)
-ANSWER: Final = Stream("/aoa/answer", 0.3, 20.0, "json", _IN)
-SECOND: Final = Stream("/second", 1, 3.0, "json", _IN)
-SURROUNDINGS: Final = Stream("/surroundings", 0, 0.0, "json", _IN)
-BOOK: Final = Stream("/book", 0, 0.0, "json", _IN)
-END: Final = Stream("/end", 0, 0.0, "json", _IN)
-TAG: Final = Stream("/tag", 0, 0.0, "json", _IN)
+CSI: Final = Stream(topic="/csi", rate_hz=150, stale_s=2.0, encoding="raw", part=_IN)
+POSE_IN: Final = Stream(topic="/pose/in", rate_hz=200, stale_s=0.2, encoding="raw", part=_IN)
+NEIGHBOUR: Final = Stream(topic="/neighbour", rate_hz=10, stale_s=2.0, encoding="raw", part=_IN)
+TICK: Final = Stream(topic="/tick", rate_hz=20, stale_s=0.2, encoding="json", part=_IN)
+VEHICLE: Final = Stream(topic="/vehicle", rate_hz=20, stale_s=1.5, encoding="json", part=_IN)
+WISH: Final = Stream(topic="/wish", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+COMMAND: Final = Stream(topic="/command", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+WORKER: Final = Stream(topic="/aoa/worker", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+ANSWER: Final = Stream(topic="/aoa/answer", rate_hz=0.3, stale_s=20.0, encoding="json", part=_IN)
+SECOND: Final = Stream(topic="/second", rate_hz=1, stale_s=3.0, encoding="json", part=_IN)
+SURROUNDINGS: Final = Stream(topic="/surroundings", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+BOOK: Final = Stream(topic="/book", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+END: Final = Stream(topic="/end", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
+TAG: Final = Stream(topic="/tag", rate_hz=0, stale_s=0.0, encoding="json", part=_IN)
 
-APERTURE: Final = Stream("/aperture", 0.3, 20.0, "msgpack", _DECIDED)
-BEARING: Final = Stream("/bearing", 0.3, 20.0, "json", _DECIDED)
-TARGET: Final = Stream("/target", 0.3, 20.0, "json", _DECIDED)
-MISSION: Final = Stream("/mission", 0, 0.0, "json", _DECIDED)
-SETPOINT: Final = Stream("/setpoint", 20, 0.2, "json", _DECIDED)
-GATE: Final = Stream("/gate", 0, 0.0, "json", _DECIDED)
-OBSERVED: Final = Stream("/observed_setpoint", 0, 0.0, "json", _DECIDED)
-TAG_PLACE: Final = Stream("/tag/place", 0, 0.0, "json", _DECIDED)
+APERTURE: Final = Stream(topic="/aperture", rate_hz=0.3, stale_s=20.0, encoding="msgpack", part=_DECIDED)
+BEARING: Final = Stream(topic="/bearing", rate_hz=0.3, stale_s=20.0, encoding="json", part=_DECIDED)
+TARGET: Final = Stream(topic="/target", rate_hz=0.3, stale_s=20.0, encoding="json", part=_DECIDED)
+MISSION: Final = Stream(topic="/mission", rate_hz=0, stale_s=0.0, encoding="json", part=_DECIDED)
+SETPOINT: Final = Stream(topic="/setpoint", rate_hz=20, stale_s=0.2, encoding="json", part=_DECIDED)
+GATE: Final = Stream(topic="/gate", rate_hz=0, stale_s=0.0, encoding="json", part=_DECIDED)
+OBSERVED: Final = Stream(topic="/observed_setpoint", rate_hz=0, stale_s=0.0, encoding="json", part=_DECIDED)
+TAG_PLACE: Final = Stream(topic="/tag/place", rate_hz=0, stale_s=0.0, encoding="json", part=_DECIDED)
 
-PROFILE: Final = Stream("/aoa/profile", 0.3, 20.0, "protobuf", _VIEW)
-POSE: Final = Stream("/pose", 50, 0.2, "protobuf", _VIEW)
-APERTURE_PATH: Final = Stream("/aperture/path", 0.3, 20.0, "protobuf", _VIEW)
-TRANSFORMS: Final = Stream("/tf", 20, 0.5, "protobuf", _VIEW)
-SCENE: Final = Stream("/scene", 0.3, 20.0, "protobuf", _VIEW)
+PROFILE: Final = Stream(topic="/aoa/profile", rate_hz=0.3, stale_s=20.0, encoding="protobuf", part=_VIEW)
+POSE: Final = Stream(topic="/pose", rate_hz=50, stale_s=0.2, encoding="protobuf", part=_VIEW)
+APERTURE_PATH: Final = Stream(topic="/aperture/path", rate_hz=0.3, stale_s=20.0, encoding="protobuf", part=_VIEW)
+TRANSFORMS: Final = Stream(topic="/tf", rate_hz=20, stale_s=0.5, encoding="protobuf", part=_VIEW)
+SCENE: Final = Stream(topic="/scene", rate_hz=0.3, stale_s=20.0, encoding="protobuf", part=_VIEW)
 
-TEAM: Final = Stream("/team", 0, 0.0, "json", _REPORT)
-HEALTH: Final = Stream("/health", 1, 3.0, "json", _REPORT)
-LOG: Final = Stream("/log", 0, 0.0, "protobuf", _REPORT)
-AUTOPILOT_EVENT: Final = Stream("/autopilot_event", 0, 0.0, "json", _REPORT)
+TEAM: Final = Stream(topic="/team", rate_hz=0, stale_s=0.0, encoding="json", part=_REPORT)
+HEALTH: Final = Stream(topic="/health", rate_hz=1, stale_s=3.0, encoding="json", part=_REPORT)
+LOG: Final = Stream(topic="/log", rate_hz=0, stale_s=0.0, encoding="protobuf", part=_REPORT)
+AUTOPILOT_EVENT: Final = Stream(topic="/autopilot_event", rate_hz=0, stale_s=0.0, encoding="json", part=_REPORT)
 
-TRUTH: Final = Stream("/truth", 20, 0.5, "json", Part.TRUTH)
+TRUTH: Final = Stream(topic="/truth", rate_hz=20, stale_s=0.5, encoding="json", part=Part.TRUTH)
 
 STREAMS: Final = (
     CSI, POSE_IN, NEIGHBOUR, TICK, VEHICLE, WISH, COMMAND, WORKER, ANSWER, SECOND, SURROUNDINGS, BOOK, END, TAG,

@@ -31,11 +31,18 @@ async def rest_checks(config: Config, seconds: float, on_progress: Callable[[flo
     """A line for each peer, from what card and network bring in `seconds`. Raises CompanionError when the card, the
     network or a key cannot be opened."""
     clock, receiver = MonotonicClock(), receiver_of(config)
-    window = SarWindow(config.pose.antenna_m, wavelength_m(config.csi.channel), 1, 1.0)
+    window = SarWindow(
+        antenna_m=config.pose.antenna_m,
+        wavelength_m=wavelength_m(config.csi.channel),
+        min_packets=1,
+        max_pose_gap_s=1.0,
+    )
     link = Link(config)
     try:
         source = open_csi(config)
-        radio = Radio(source, macs(config), clock, window.add_sample, lambda *_: None)
+        radio = Radio(
+            source=source, peers=macs(config), clock=clock, on_sample=window.add_sample, on_record=lambda *_: None
+        )
         try:
             start_ns, start_s = clock.now_ns(), time.monotonic()
             while (waited_s := time.monotonic() - start_s) < seconds:
@@ -63,7 +70,9 @@ def _at_rest(window: SarWindow, neighbour: Neighbour, start_ns: int, end_ns: int
     if len(pairs.ours) < _LEAST:
         return Check(name, None, f"{len(pairs.ours)} exchanges, at least {_LEAST} wanted", "listen longer: --seconds")
     spread_deg = math.degrees(
-        rest_spread_rad(pairs.ours, pairs.theirs, pairs.nic_us, pairs.wavelength_m, pairs.grid, pairs.half_turns)
+        rest_spread_rad(
+            pairs.ours, pairs.theirs, pairs.nic_us, pairs.wavelength_m, grid=pairs.grid, half_turns=pairs.half_turns
+        )
     )
     found = f"spreads by {spread_deg:.1f} degrees over {len(pairs.ours)} exchanges"
     if spread_deg <= _GOOD_DEG:

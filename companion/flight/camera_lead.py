@@ -38,6 +38,7 @@ class CameraLead:
 
     def __init__(
         self,
+        *,
         config: Config,
         clock: EventClock,
         recorder: Recorder,
@@ -118,7 +119,13 @@ class CameraLead:
             return None
         east, north, up = (there - here for there, here in zip(where_m, p_m, strict=True))
         (xx, _, _), (_, yy, _), _ = place.covariance_m2
-        return Aim(math.atan2(north, east), math.hypot(east, north), math.sqrt(max(xx, yy)), 1.0, up)
+        return Aim(
+            azimuth_rad=math.atan2(north, east),
+            distance_m=math.hypot(east, north),
+            distance_std_m=math.sqrt(max(xx, yy)),
+            sureness=1.0,
+            above_m=up,
+        )
 
     def is_near(self, peer: int, p_m: Vector3) -> bool | None:
         """At each tick: whether that robot is within the range of arrival, surely and for a while; None while the
@@ -166,7 +173,7 @@ class CameraLead:
         newest = robot.newest_pose()
         if newest is None or age_s(robot.heard_ns, self._clock.now_ns()) > _ROBOT_S:
             return Doubt.ROBOT, (x, y, z)
-        return self._targets.add(peer, t_ns, seen, own_m, newest, self._radio(peer)), (x, y, z)
+        return self._targets.add(peer, t_ns, seen, own_m, robot=newest, radio=self._radio(peer)), (x, y, z)
 
     def _attitude(self, t_ns: int) -> Quaternion | None:
         """Ours at a time; None where none is known near it."""

@@ -77,16 +77,16 @@ class Course:
             _log.info("mission: %s -> %s on %s", before, self._state, event)
             if self._state in AT_REST:
                 self._reported.clear()  # what was reported of the flight that has ended
-        self._record(now_ns, before, event, actions, self._reason)
+        self._record(now_ns, before, event, actions, reason=self._reason)
         return actions
 
     def end(self, now_ns: int) -> None:
         """The service ends: the last step, whose actions nobody carries out by the table any more."""
         before = self._state
         self._state, actions = table.step(before, Event.TASK_FAILED)
-        self._record(now_ns, before, Event.TASK_FAILED, actions, SERVICE_ENDS)
+        self._record(now_ns, before, Event.TASK_FAILED, actions, reason=SERVICE_ENDS)
 
-    def _record(self, now_ns: int, before: State, event: Event, actions: tuple[Action, ...], reason: str) -> None:
+    def _record(self, now_ns: int, before: State, event: Event, actions: tuple[Action, ...], *, reason: str) -> None:
         self._recorder.record(
             MISSION,
             now_ns,

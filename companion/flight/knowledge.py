@@ -77,7 +77,9 @@ class Knowledge:
         self.camera: CameraLead | None = None
         """Where one is configured."""
         if config.tag_camera.enabled:
-            self.camera = CameraLead(config, clock, recorder, neighbours, self.targets.found)
+            self.camera = CameraLead(
+                config=config, clock=clock, recorder=recorder, neighbours=neighbours, radio=self.targets.found
+            )
         self._detour = Detour(gate_limits(config))
         self._packet_ns: dict[int, int] = {}
         self._packets = 0

@@ -112,7 +112,9 @@ class Flight:
         self._feed = VehicleFeed(self._autopilot, sar, intake, recorder)
         self._origin = Origin(self._autopilot, config.autopilot)
         self._situations = Situations(self._course, intake, self.knowledge)
-        self._observer = Observer(config.mission, self._gate, self._targets, self._frame, recorder)
+        self._observer = Observer(
+            mission=config.mission, gate=self._gate, targets=self._targets, frame=self._frame, recorder=recorder
+        )
         self._refusals = GateRefusals(recorder)
         self._streaming = False
         self._tick_ns: int | None = None
@@ -241,7 +243,9 @@ class Flight:
         elif mission.setpoints == "velocity" and p_m is not None:
             setpoint = as_velocity(setpoint, p_m, self._gate.limits)
         ours = self.state is State.TAKING_OFF or vehicle.mode is FlightMode.OFFBOARD
-        verdict = self._gate.check(setpoint, vehicle, now_ns, ours, self.knowledge.places(), self._frame.ground_m)
+        verdict = self._gate.check(
+            setpoint, vehicle, now_ns, ours, neighbours=self.knowledge.places(), ground_m=self._frame.ground_m
+        )
         if self._refusals.note(verdict.reasons, now_ns, self._frame.is_stepping(now_ns)):
             self._give_up_leg(verdict.reasons, vehicle)
         if verdict.setpoint is not None:

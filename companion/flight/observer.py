@@ -21,7 +21,7 @@ _LEAD_S = 0.5
 
 class Observer:
     def __init__(
-        self, mission: MissionConfig, gate: Gate, targets: Targets, frame: LocalFrame, recorder: Recorder
+        self, *, mission: MissionConfig, gate: Gate, targets: Targets, frame: LocalFrame, recorder: Recorder
     ) -> None:
         self._mission = mission
         self._gate = gate
@@ -35,16 +35,16 @@ class Observer:
         if target is None or p_m is None:
             return
         wanted = would_be_setpoint(
-            now_ns, p_m, target.azimuth_rad, self._mission, ground_m + self._mission.takeoff_height_m
+            now_ns, p_m, target.azimuth_rad, self._mission, height_m=ground_m + self._mission.takeoff_height_m
         )
         if self._mission.vehicle == "rover":
             wanted = in_plane(wanted, p_m, self._gate.limits)
-        verdict = self._gate.check(wanted, vehicle, now_ns, True, self._targets.places(), ground_m)
+        verdict = self._gate.check(wanted, vehicle, now_ns, True, neighbours=self._targets.places(), ground_m=ground_m)
         self._recorder.record(OBSERVED, now_ns, ObservedSetpoint(now_ns, wanted, verdict.reasons))
 
 
 def would_be_setpoint(
-    now_ns: int, p_local_enu_m: Vector3, azimuth_rad: float, mission: MissionConfig, height_m: float
+    now_ns: int, p_local_enu_m: Vector3, azimuth_rad: float, mission: MissionConfig, *, height_m: float
 ) -> Setpoint:
     """The set point that a flight to the target would begin with: for the log, judged by the gate like any other."""
     vx, vy = mission.speed_m_s * math.cos(azimuth_rad), mission.speed_m_s * math.sin(azimuth_rad)

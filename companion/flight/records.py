@@ -59,4 +59,6 @@ class TagReport:
 def target_report(iteration: Iteration, bearing: Bearing, target: Target) -> TargetReport:
     """What a bearing made of the target."""
     place = target.place(bearing.target_p_enu_m)
-    return TargetReport(bearing.t_mono_ns, iteration.peer, iteration.number, target, place)
+    return TargetReport(
+        t_mono_ns=bearing.t_mono_ns, peer=iteration.peer, iteration=iteration.number, target=target, p_local_enu_m=place
+    )

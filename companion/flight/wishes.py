@@ -95,7 +95,14 @@ class Wishes:
     def answer(self, wish: Event, refusal: str, by_switch: bool = False, target: int | None = None) -> str:
         """A wish has been answered: granted, if there is no refusal; then `target`, if there is one, is flown to."""
         with self._clock.event() as now_ns:
-            told = Wish(now_ns, wish, refusal, by_switch, self._engagement.vehicle, target)
+            told = Wish(
+                t_mono_ns=now_ns,
+                wish=wish,
+                refusal=refusal,
+                by_switch=by_switch,
+                vehicle=self._engagement.vehicle,
+                target=target,
+            )
             self._recorder.record(WISH, now_ns, told)
             if not refusal:
                 if target is not None:

@@ -115,7 +115,16 @@ class Approach:
             target_m = x + flat_m * math.cos(azimuth), y + flat_m * math.sin(azimuth), z + aim.above_m
             before = self._way or Way(0.0, self._side, 1.0)
             near_m = self._near_m(aim)
-            self._way = choose(aim.scatter, target_m, p_m, near_m, self._craft, self._limits, others_m, before)
+            self._way = choose(
+                aim.scatter,
+                target_m,
+                p_m,
+                near_m,
+                craft=self._craft,
+                limits=self._limits,
+                others_m=others_m,
+                before=before,
+            )
             self._scatter = aim.scatter
 
     def _near_m(self, aim: Aim) -> float:
@@ -139,7 +148,7 @@ class Approach:
         else:
             self._begin_search_at(aim.azimuth_rad)
             side, lead_rad = (self._side, None) if self._way is None else (self._way.side, self._way.lead_rad)
-            ve, vn = towards(aim, forward, self._circle_m(aim), side, lead_rad)
+            ve, vn = towards(aim, forward, self._circle_m(aim), side, lead_rad=lead_rad)
         speed = max(math.hypot(ve, vn), 1e-6)
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
         if drives:

@@ -100,7 +100,7 @@ class _Seen:
     """With the radio."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Track:
     boot: int
     t_ns: int
@@ -132,7 +132,7 @@ class CameraTargets:
             track.seen.extend(moved)
 
     def add(
-        self, peer: int, t_ns: int, seen: TagPlace, own_m: Vector3, robot: tuple[int, Vector3], radio: Target | None
+        self, peer: int, t_ns: int, seen: TagPlace, own_m: Vector3, *, robot: tuple[int, Vector3], radio: Target | None
     ) -> Doubt | None:
         """A sighting that the image does not make doubtful; why it is not believed. `own_m` is where we were, `robot`
         the boot and the place of the robot by its own poses, `radio` what the radio says of it."""
@@ -143,7 +143,9 @@ class CameraTargets:
             track = None
         if track is None:
             shared_m2 = seen.covariance_m2 - seen.corners_m2
-            self._tracks[peer] = track = _Track(boot, t_ns, origin_m, seen.corners_m2, shared_m2)
+            self._tracks[peer] = track = _Track(
+                boot=boot, t_ns=t_ns, mean_m=origin_m, corners_m2=seen.corners_m2, shared_m2=shared_m2
+            )
         elif not self._update(track, t_ns, origin_m, seen):
             return Doubt.TRACK
         agrees = radio is not None and radio.boot == boot and _agrees(origin_m, seen.covariance_m2, radio)

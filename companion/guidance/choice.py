@@ -98,6 +98,7 @@ def choose(
     target_m: Vector3,
     p_m: Vector3,
     near_m: float,
+    *,
     craft: Craft,
     limits: GateLimits,
     others_m: Sequence[Vector3],
@@ -108,14 +109,14 @@ def choose(
     `before`."""
     choices = ways(before.side, _WEAVES if craft.up_m > 0.0 else (1.0,))
     lead, side, weave = np.array([(way.lead_rad, way.side, way.weave) for way in choices]).T
-    flown = _flown(lead, side, target_m, p_m, near_m, craft)
+    flown = _flown(lead, side, target_m, p_m, near_m=near_m, craft=craft)
     weaves = np.where(flown.is_chosen, weave[:, None], choices[0].weave)
     told = craft.told(weaves)
     first_m = np.minimum(flown.ahead_m, _FIRST * craft.length_m)
     seconds = first_m / craft.forward_m_s(weave) + (flown.ahead_m - first_m) / craft.forward_m_s(weaves[:, -1])
     seconds += _turning_s(lead * side, before, craft) + _CONFIRMED * craft.length_m / craft.speed_m_s / told[:, -1]
     apertures = told * flown.ahead_m[:, None] / craft.length_m / _LOOKS
-    apart_m = _left_apart_m(scatter, flown, weaves, apertures, target_m, craft)
+    apart_m = _left_apart_m(scatter, flown, weaves, apertures, target_m=target_m, craft=craft)
     cost_s = seconds + apart_m / craft.speed_m_s
     cost_s += np.array([0.0 if way == before else _KEPT_S for way in choices])
     outside = _outside(flown.looks_m, limits, others_m)
@@ -137,7 +138,7 @@ class _Flown(NamedTuple):
     """(C,) how far it is looked ahead."""
 
 
-def _flown(lead: _Floats, side: _Floats, target_m: Vector3, p_m: Vector3, near_m: float, craft: Craft) -> _Flown:
+def _flown(lead: _Floats, side: _Floats, target_m: Vector3, p_m: Vector3, *, near_m: float, craft: Craft) -> _Flown:
     """A way always so far beside the target is a logarithmic spiral; then it goes straight on, and around."""
     east, north = p_m[0] - target_m[0], p_m[1] - target_m[1]
     away_m = max(math.hypot(east, north), near_m)
@@ -167,7 +168,7 @@ def _turning_s(lead: _Floats, before: Way, craft: Craft) -> _Floats:
 
 
 def _left_apart_m(
-    scatter: Scatter, flown: _Flown, weave: _Floats, apertures: _Floats, target_m: Vector3, craft: Craft
+    scatter: Scatter, flown: _Flown, weave: _Floats, apertures: _Floats, *, target_m: Vector3, craft: Craft
 ) -> _Floats:
     """(C,) how far two places are apart, on the average, between which `apertures` (C, K) do not tell."""
     looks_m = flown.looks_m
@@ -180,7 +181,7 @@ def _left_apart_m(
     across = np.arctan2(offsets_m[..., 1], offsets_m[..., 0]) + scatter.heading_rad - straight
     across -= math.tau * np.round(across / math.tau)
     down = np.arctan2(flat_m, offsets_m[..., 2]) + scatter.elevation_rad
-    precisions = _precisions(scatter.rooms, seen_m, flown.lead_rad, weave, craft)
+    precisions = _precisions(scatter.rooms, seen_m, flown.lead_rad, weave, craft=craft)
     told = np.sqrt(precisions * apertures)[..., None]
     found = np.concatenate([told[0] * across, told[1] * down, told[2] / np.maximum(range_m, _LEAST_M)], axis=1)
     alike = found.transpose(0, 2, 1) @ found  # too small for threads
@@ -190,7 +191,7 @@ def _left_apart_m(
     return np.asarray(((taken_for * apart_m).sum(axis=2) / taken_for.sum(axis=2)).mean(axis=1))
 
 
-def _precisions(rooms: _Floats, seen_m: _Floats, lead: _Floats, weave: _Floats, craft: Craft) -> _Floats:
+def _precisions(rooms: _Floats, seen_m: _Floats, lead: _Floats, weave: _Floats, *, craft: Craft) -> _Floats:
     """(3, C, K) of azimuth, polar angle [1 / rad2] and 1 / range [m2] by one aperture of a source at `seen_m`
     (C, K, 3)."""
     flat_m, range_m = np.hypot(seen_m[..., 0], seen_m[..., 1]), np.linalg.norm(seen_m, axis=2)

@@ -59,7 +59,9 @@ class Detour:
         if self._leg is None:
             return None
         east, north = (to - at for to, at in zip(self._leg[1][:2], p_m[:2], strict=True))
-        return Aim(math.atan2(north, east), math.hypot(east, north), 0.0, 1.0)
+        return Aim(
+            azimuth_rad=math.atan2(north, east), distance_m=math.hypot(east, north), distance_std_m=0.0, sureness=1.0
+        )
 
     def _elsewhere(self, p_m: Vector3, target_m: Vector3) -> Vector3:
         """The place, up to 5 m away, from where the target's bearing differs most: across the way to it, or back."""

@@ -53,17 +53,22 @@ def is_afar(range_m: Floats) -> Floats:
 
 
 def likelihoods(
-    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float, drift: float
+    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, *, elsewhere: float, drift: float
 ) -> Floats:
     """(K, N) in each kind of room for targets seen at `azimuth`, `polar` and `range_m` (N,) each, per steradian;
     `elsewhere` is the density of the reported path where it is not the target's. Poses drift by a share `drift` of the
     way."""
     range_m = np.maximum(range_m, _LEAST_M)
-    return np.stack([_likelihood(bearing, azimuth, polar, range_m, elsewhere, drift, regime) for regime in REGIMES])
+    return np.stack(
+        [
+            _likelihood(bearing, azimuth, polar, range_m, elsewhere=elsewhere, drift=drift, regime=regime)
+            for regime in REGIMES
+        ]
+    )
 
 
 def _likelihood(
-    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, elsewhere: float, drift: float, regime: Regime
+    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, *, elsewhere: float, drift: float, regime: Regime
 ) -> Floats:
     sine = np.sin(polar)
     # A drift shears the path, and with it the direction, by as much. At the pole an azimuth means nothing: what it says
@@ -83,7 +88,9 @@ def _likelihood(
     afar = is_afar(range_m)
     near, far, more = regime.reported
     reported = np.minimum(near + (far - near) * afar + more * bearing.reliability, _SUREST)
-    total = reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, drift, regime)
+    total = (
+        reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, drift, regime=regime)
+    )
     power = sum(path.relative_power for path in bearing.others)
     missed = 1.0 - reported
     if power > 0.0:
@@ -97,7 +104,7 @@ def _likelihood(
     return np.asarray(told * total)
 
 
-def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, regime: Regime) -> Floats:
+def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, *, regime: Regime) -> Floats:
     """(N,) of the range of the reported path, per 1/m, or of there being none."""
     near, far = regime.unseen
     unseen = near + (far - near) * afar

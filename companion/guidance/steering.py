@@ -27,7 +27,7 @@ _SEARCH_GROWTH_M: Final = 0.35
 """By which the circle of a search is wider after each turn."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Aim:
     """What is known of the target from where the vehicle is: azimuth, distance on the level, the deviation of that,
     how sure the direction is, 0..1, how far above the vehicle it is, and, where motion is chosen, a few places where it
@@ -42,7 +42,7 @@ class Aim:
 
 
 def towards(
-    aim: Aim, speed_m_s: float, circle_m: float, side: int, lead_rad: float | None = None
+    aim: Aim, speed_m_s: float, circle_m: float, side: int, *, lead_rad: float | None = None
 ) -> tuple[float, float]:
     """East and North [m/s] towards the target, `lead_rad` beside it (without one by a rule, while its range is vague),
     and around it on a circle of `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""

@@ -71,7 +71,7 @@ class Target:
         return x, y, z
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TargetReport:
     """What a new bearing made of the target, for the log."""
 

@@ -156,12 +156,12 @@ class Targets:
             target = self._instead
         east, north = place[0] - p_local_enu_m[0], place[1] - p_local_enu_m[1]
         return Aim(
-            math.atan2(north, east),
-            math.hypot(east, north),
-            target.range_std_m,
-            min(1.0, target.probability / _SURE),
-            place[2] - p_local_enu_m[2],
-            self._scatter,
+            azimuth_rad=math.atan2(north, east),
+            distance_m=math.hypot(east, north),
+            distance_std_m=target.range_std_m,
+            sureness=min(1.0, target.probability / _SURE),
+            above_m=place[2] - p_local_enu_m[2],
+            scatter=self._scatter,
         )
 
     def is_near(self, p_local_enu_m: Vector3) -> bool:

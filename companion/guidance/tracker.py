@@ -301,7 +301,9 @@ class TargetTracker:
         azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + self._heading_rad
         polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + self._elevation_rad, 0.0, math.pi)
         again = elsewhere(bearing, np.array([along for _, along in self._lines]))
-        found = likelihoods(bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), again, self._drift)
+        found = likelihoods(
+            bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), elsewhere=again, drift=self._drift
+        )
         self._share = changed(self._share, bearing.fresh)
         self._multiply(of_bearing(self._share, np.exp(self._log_weight), found, bearing.fresh))
         self._keep_possible(bearing, ground_m)

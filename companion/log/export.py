@@ -53,7 +53,7 @@ def export(
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(prefix=".", dir=folder) as staging:
-            written = _written(session, formats, Path(staging), progress, on_cut)
+            written = _written(session, formats, Path(staging), progress, on_cut=on_cut)
             refuse_other_content({folder / path.name: path for path in written if path.suffix in _EXACT})
             return [path.replace(folder / path.name) for path in written]
     finally:
@@ -74,6 +74,7 @@ def _written(
     formats: Sequence[str],
     folder: Path,
     progress: Progress | None,
+    *,
     on_cut: Callable[[Path], None] | None,
 ) -> list[Path]:
     exporters = [_EXPORTERS[name](folder) for name in formats]

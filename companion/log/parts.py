@@ -45,12 +45,12 @@ class LogPart:
         return time.monotonic() - self._start_s
 
     def write(
-        self, stream: Stream, log_time_ns: int, publish_time_ns: int, event: int, message: Any, taken_s: float
+        self, stream: Stream, log_time_ns: int, publish_time_ns: int, event: int, *, message: Any, taken_s: float
     ) -> bool:
         """Whether that made the chunk full and ended it. `taken_s` as in `oldest_s`. Raises OSError."""
         chunks = self._writer.chunks
         self.oldest_s = min(self.oldest_s, taken_s)
-        self._writer.write(stream, log_time_ns, publish_time_ns, event, message)
+        self._writer.write(stream, log_time_ns, publish_time_ns, event, message=message)
         if self._writer.chunks == chunks:
             self._waiting += 1
             return False

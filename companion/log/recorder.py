@@ -168,7 +168,9 @@ class McapRecorder:
         taken_s, stream, log_ns, own_ns, event, message = item
         offset_ns = self._wall_minus_mono_ns
         try:
-            has_ended = part.write(stream, log_ns + offset_ns, own_ns + offset_ns, event, message, taken_s)
+            has_ended = part.write(
+                stream, log_ns + offset_ns, own_ns + offset_ns, event, message=message, taken_s=taken_s
+            )
         except _NOT_ENCODED as error:
             if not self.malformed:
                 _log.error("%s: a message cannot be recorded: %s", stream.topic, error)

@@ -12,7 +12,7 @@ from companion.log.reader import LoggedMessage, LogScan, Progress, is_foreign_lo
 from companion.log.writer import METADATA, LogWriter
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Repair:
     """What was saved. `was_whole` when there was nothing to repair; `damaged` places could not be read, `lost_bytes` in
     all; without `is_replayable` configuration and clock are among them."""
@@ -44,7 +44,13 @@ def repair(source: Path, target: Path, progress: Progress | None = None) -> Repa
             count += 1
         if not count and METADATA not in metadata:
             raise CompanionError(f"{source}: nothing could be saved: neither a message nor its configuration is there")
-    return Repair(count, scan.is_whole, scan.damaged, scan.lost_bytes, METADATA in metadata)
+    return Repair(
+        messages=count,
+        was_whole=scan.is_whole,
+        damaged=scan.damaged,
+        lost_bytes=scan.lost_bytes,
+        is_replayable=METADATA in metadata,
+    )
 
 
 @contextmanager
@@ -71,4 +77,4 @@ def copy(writer: LogWriter, message: LoggedMessage, prefix: str = "", offset_ns:
     """One message as it is, under another topic and time if given."""
     times_ns = (max(0, message.log_time_ns + offset_ns), max(0, message.publish_time_ns + offset_ns))
     topic = prefix + message.topic
-    writer.copy(topic, message.encoding, message.schema, times_ns, message.sequence, message.data)
+    writer.copy(topic, message.encoding, message.schema, times_ns, sequence=message.sequence, data=message.data)

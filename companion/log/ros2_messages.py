@@ -101,7 +101,16 @@ class Messages:
             "std_msgs/msg/Float64",
             self._new("std_msgs/msg/Float64", data=estimate.reliability),
         )
-        arrow = self._marker(frame, t_ns, iteration.peer, _ARROW, p_m, turn, (_ARROW_M, 0.05, 0.1), (0.1, 0.6, 0.1))
+        arrow = self._marker(
+            frame,
+            t_ns,
+            iteration.peer,
+            _ARROW,
+            p_m=p_m,
+            q_wxyz=turn,
+            size=(_ARROW_M, 0.05, 0.1),
+            colour=(0.1, 0.6, 0.1),
+        )
         yield "/bearing/marker", *self._markers(arrow)
 
     def _target(self, space: str, message: LoggedMessage) -> Rows:
@@ -118,7 +127,9 @@ class Messages:
         if np.all(np.isfinite(covariance_m2)):
             turn, std_m = _ellipsoid(covariance_m2)
             size = tuple(float(4 * one) for one in std_m)  # of two deviations to each side
-            sphere = self._marker(frame, t_ns, report["peer"], _SPHERE, p_m, turn, size, (0.9, 0.1, 0.1))
+            sphere = self._marker(
+                frame, t_ns, report["peer"], _SPHERE, p_m=p_m, q_wxyz=turn, size=size, colour=(0.9, 0.1, 0.1)
+            )
             yield "/target/marker", *self._markers(sphere)
 
     def _truth(self, space: str, message: LoggedMessage) -> Rows:
@@ -206,6 +217,7 @@ class Messages:
         t_ns: int,
         number: int,
         shape: int,
+        *,
         p_m: Vector3,
         q_wxyz: Quaternion,
         size: tuple[float, ...],

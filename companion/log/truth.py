@@ -36,7 +36,7 @@ def write_truth(path: Path, truths: Sequence[Truth]) -> None:
             writer = LogWriter(file, {"role": "truth", "wall_minus_mono_ns": str(offset_ns)})
             for truth in truths:
                 t_ns = truth.t_mono_ns + offset_ns
-                writer.write(TRUTH, t_ns, t_ns, 0, truth)
+                writer.write(TRUTH, t_ns, t_ns, 0, message=truth)
             writer.finish()
     except OSError as error:
         raise CompanionError(f"{path}: cannot be written: {error.strerror}") from None

@@ -87,15 +87,15 @@ class LogWriter:
         """What `finish` adds to the file behind the last chunk, at most."""
         return self._index_bytes
 
-    def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, sequence: int, message: Any) -> None:
+    def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, sequence: int, *, message: Any) -> None:
         """One message with the views drawn from it. Times are wall times; `sequence` is the number of its event."""
         data, source = encoded(stream, publish_time_ns, message)
         channel = self._channel(stream.topic, stream.encoding, source)
-        self._add(channel, log_time_ns, data, publish_time_ns, sequence)
+        self._add(channel, log_time_ns, data, publish_time_ns, sequence=sequence)
         if isinstance(message, Pose):
             self._pose = message
         for view, drawn in views(stream, publish_time_ns, message, self._pose):
-            self.write(view, log_time_ns, publish_time_ns, sequence, drawn)
+            self.write(view, log_time_ns, publish_time_ns, sequence, message=drawn)
 
     def copy(
         self,
@@ -103,11 +103,12 @@ class LogWriter:
         encoding: str,
         schema: tuple[str, str, bytes],
         times_ns: tuple[int, int],
+        *,
         sequence: int,
         data: bytes,
     ) -> None:
         """A message that is encoded already, with its schema (name, encoding, data) and its (log, publish) times."""
-        self._add(self._registered(topic, encoding, schema), times_ns[0], data, times_ns[1], sequence)
+        self._add(self._registered(topic, encoding, schema), times_ns[0], data, times_ns[1], sequence=sequence)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         self._metadata[name] = dict(values) | {CHECKSUM: checksum_of(values)}
@@ -145,7 +146,7 @@ class LogWriter:
         self._writer.add_metadata(name, self._metadata[name])
         self._index_bytes += 32 + len(name.encode())
 
-    def _add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int, sequence: int) -> None:
+    def _add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int, *, sequence: int) -> None:
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)
         self._in_chunk.add(channel)
         self.open_bytes += _MESSAGE_HEAD + len(data)

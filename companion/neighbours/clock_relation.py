@@ -65,7 +65,7 @@ class Offset:
         return self.uncertainty_ns <= LOCKED_NS
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
     """What the exchanges and datagrams say, whatever the time is: fitted once for all who ask until the next one."""
 
@@ -164,7 +164,14 @@ class ClockRelation:
         least = [beyond_ns(at, bound, 1) for at, bound in _recent(self._sent, newest_ns)]
         most = [beyond_ns(at, bound, -1) for at, bound in _recent(self._echoed, newest_ns)]
         round_trip_ns = -round(max(least) + max(most)) if least and most else None
-        return _Line(newest_ns, slope, middle, spread, max([0.0, *least, *most]), round_trip_ns)
+        return _Line(
+            newest_ns=newest_ns,
+            slope=slope,
+            middle=middle,
+            spread=spread,
+            beyond_ns=max([0.0, *least, *most]),
+            round_trip_ns=round_trip_ns,
+        )
 
 
 def _recent(bounds: Iterable[tuple[int, int]], newest_ns: int) -> list[tuple[int, int]]:

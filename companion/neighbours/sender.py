@@ -88,6 +88,7 @@ class NeighbourSender:
         t_ns: int,
         nic_us: int,
         csi: npt.NDArray[np.complex64],
+        *,
         power_dbm: float,
         antenna: int,
         band: int = OF_5300,

@@ -255,7 +255,9 @@ def decode(data: bytes, keys: Sequence[bytes]) -> Datagram:
         counter=counter,
         sent_ns=sent_ns,
         poses=_poses(columns[: len(_POSE_BITS)] if n_poses else [], np.array(base), sent_ns),
-        csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns, band, ticks) if n_csi else empty_csi(),
+        csi=_csi(columns[len(_POSE_BITS) if n_poses else 0 :], first, sent_ns, band, ticks=ticks)
+        if n_csi
+        else empty_csi(),
         counted=bool(flags & _COUNTED),
         echo=Echo(robot, *echo) if robot else None,
         sightings=sightings,
@@ -326,7 +328,7 @@ def _csi_columns(csi: CsiBatch, sent_ns: int) -> tuple[list[tuple[Values, int]],
     return columns, (int(csi.frame[0]), int(csi.nic_us[0]), age_us)
 
 
-def _csi(columns: list[Values], first: Sequence[int], sent_ns: int, band: int, ticks: int) -> CsiBatch:
+def _csi(columns: list[Values], first: Sequence[int], sent_ns: int, band: int, *, ticks: int) -> CsiBatch:
     frame, nic_us, age_us = first
     sizes = _step_bits(band)
     *later, last = (

@@ -36,6 +36,7 @@ def draw_flight(
     uav_m: npt.NDArray[np.float64],
     target_m: npt.NDArray[np.float64],
     bearings: Sequence[Arrow],
+    *,
     title: str,
 ) -> None:
     """Writes a PNG. `uav_m` and `target_m` (N, 3) ENU."""

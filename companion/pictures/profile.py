@@ -42,6 +42,7 @@ def draw_profile(
     profile: Profile,
     estimate: HasDirection,
     truth: tuple[float, float] | None = None,
+    *,
     title: str = "",
     azimuth_observable: bool = True,
     polar_observable: bool = True,
@@ -56,8 +57,8 @@ def draw_profile(
     FigureCanvasAgg(figure)
     relative = profile.power / np.maximum(profile.power.max(), np.finfo(np.float32).tiny)
     found = (estimate.azimuth_rad, estimate.polar_rad if polar_observable else None)
-    _top_view(figure, profile, relative, found, truth)
-    _view_3d(figure, profile, relative, found, truth)
+    _top_view(figure, profile, relative, found, truth=truth)
+    _view_3d(figure, profile, relative, found, truth=truth)
     figure.suptitle("\n".join(filter(None, (title, _summary(found, truth, azimuth_observable)))), fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
@@ -68,6 +69,7 @@ def _top_view(
     profile: Profile,
     relative: Floats,
     estimate: Found,
+    *,
     truth: tuple[float, float] | None,
 ) -> None:
     axes: Axes = figure.add_subplot(1, 2, 1)
@@ -80,9 +82,9 @@ def _top_view(
             math.degrees(azimuth_rad), color="white", linewidth=1, linestyle="--", label="estimate (azimuth only)"
         )
     else:
-        _mark(axes, (azimuth_rad, polar_rad), "white", "estimate", _ESTIMATE_STYLE)
+        _mark(axes, (azimuth_rad, polar_rad), "white", "estimate", style=_ESTIMATE_STYLE)
     if truth is not None:
-        _mark(axes, truth, _TRUTH_COLOUR, "true bearing", _TRUTH_STYLE)
+        _mark(axes, truth, _TRUTH_COLOUR, "true bearing", style=_TRUTH_STYLE)
     axes.legend(loc="lower right", fontsize=8, facecolor="#444444", labelcolor="white", framealpha=0.8)
     axes.axhline(0, color="white", linewidth=0.6, linestyle=":", alpha=0.7)
     axes.text(-176, 2, "horizon", color="white", fontsize=8, alpha=0.8)
@@ -91,7 +93,7 @@ def _top_view(
     axes.set_xticks(list(_QUARTERS), [f"{azimuth_deg}\n{name}" for azimuth_deg, name in _QUARTERS.items()])
 
 
-def _mark(axes: Axes, where: tuple[float, float], colour: str, label: str, style: dict[str, Any]) -> None:
+def _mark(axes: Axes, where: tuple[float, float], colour: str, label: str, *, style: dict[str, Any]) -> None:
     axes.plot(math.degrees(where[0]), _elevation_deg(where[1]), markeredgecolor=colour, label=label, **style)
 
 
@@ -100,6 +102,7 @@ def _view_3d(
     profile: Profile,
     relative: Floats,
     estimate: Found,
+    *,
     truth: tuple[float, float] | None,
 ) -> None:
     axes: Any = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
@@ -113,9 +116,9 @@ def _view_3d(
     if polar_rad is None:
         _ridge(axes, profile, relative, azimuth_rad)
     else:
-        _stem(axes, profile, relative, (azimuth_rad, polar_rad), "black", _ESTIMATE_STYLE)
+        _stem(axes, profile, relative, (azimuth_rad, polar_rad), colour="black", style=_ESTIMATE_STYLE)
     if truth is not None:
-        _stem(axes, profile, relative, truth, _TRUTH_COLOUR, _TRUTH_STYLE)
+        _stem(axes, profile, relative, truth, colour=_TRUTH_COLOUR, style=_TRUTH_STYLE)
     axes.set(xlabel="azimuth [deg]", ylabel="elevation [deg]", title="3D view")
     axes.set(xlim=(-180, 180), ylim=(-90, 90), zlim=(0, 1.1))
     axes.set(xticks=range(-180, 181, 90), yticks=range(-90, 91, 45), zticks=(0, 0.5, 1))
@@ -136,6 +139,7 @@ def _stem(
     profile: Profile,
     relative: Floats,
     where: tuple[float, float],
+    *,
     colour: str,
     style: dict[str, Any],
 ) -> None:

@@ -61,4 +61,10 @@ def turned(pose: Pose, north_yaw_rad: float) -> Pose:
     x, y, z = frames.yaw_align(north_yaw_rad, pose.p_enu_m).tolist()
     w, qx, qy, qz = frames.yaw_align(north_yaw_rad, pose.q_enu_from_body).tolist()
     vx, vy, vz = frames.yaw_align(north_yaw_rad, pose.v_enu_m_s).tolist()
-    return Pose(pose.t_mono_ns, (x, y, z), (w, qx, qy, qz), (vx, vy, vz), pose.confidence)
+    return Pose(
+        t_mono_ns=pose.t_mono_ns,
+        p_enu_m=(x, y, z),
+        q_enu_from_body=(w, qx, qy, qz),
+        v_enu_m_s=(vx, vy, vz),
+        confidence=pose.confidence,
+    )

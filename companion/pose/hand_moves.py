@@ -41,7 +41,7 @@ MOVES: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MoveResult:
     """What a move did, and what is wrong with that; empty when nothing is."""
 
@@ -65,7 +65,13 @@ def judge(move: HandMove, before: Pose, after: Pose, distance_m: float) -> MoveR
     turned = float(wrap_angle(float(yaw_of(after.q_enu_from_body)) - float(yaw_of(before.q_enu_from_body))))
     problem = _turn_problem(move, turned) if move.turn_rad else _move_problem(moved, np.array(wanted), turned)
     x, y, z = moved.tolist()
-    return MoveResult(move, (x, y, z), wanted, turned, problem or _tilt_problem(after))
+    return MoveResult(
+        move=move,
+        moved_enu_m=(x, y, z),
+        expected_enu_m=wanted,
+        turned_rad=turned,
+        problem=problem or _tilt_problem(after),
+    )
 
 
 def _turn_problem(move: HandMove, turned_rad: float) -> str:

@@ -45,7 +45,7 @@ class HealthLimits:
     """A tracker that claims to move and repeats the same pose for so long stands still itself."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PoseStatus:
     """For the log, the status and the preflight. Ages are infinite before the first pose."""
 
@@ -118,7 +118,9 @@ class PoseHealth:
             "the robot lies on its side or back: pose.natnet.up, or how the camera is mounted": self._is_tipped(),
         }
         problem = next((text for text, holds in problems.items() if holds), "")
-        return PoseStatus(age_s, rate_hz, confidence, self.is_lost(now_ns), problem)
+        return PoseStatus(
+            age_s=age_s, rate_hz=rate_hz, confidence=confidence, is_lost=self.is_lost(now_ns), problem=problem
+        )
 
     def _is_tipped(self) -> bool:
         """Whether the newest pose's body axis up is nearer to the horizon, or below it, than to Up."""

@@ -175,7 +175,12 @@ class NatNetPoses:
         confidence = 3 if body.is_tracked else 0
         velocity = self._velocity(body.t_s, p_m) if confidence else (0.0, 0.0, 0.0)
         self.received += 1
-        self._on_pose(turned(Pose(held_ns, p_m, q, velocity, confidence), self._north_rad))
+        self._on_pose(
+            turned(
+                Pose(t_mono_ns=held_ns, p_enu_m=p_m, q_enu_from_body=q, v_enu_m_s=velocity, confidence=confidence),
+                self._north_rad,
+            )
+        )
 
     def _enu(self, p: Vector3, q_wxyz: tuple[float, ...]) -> tuple[Vector3, tuple[float, float, float, float]]:
         x, y, z = map(float, p)

@@ -49,7 +49,13 @@ class FilePoses:
         for row in self._rows:
             t_ns = start_ns + round((row.t_s - first_s) * NS_PER_S)
             await self._clock.sleep_until_ns(t_ns)
-            pose = Pose(t_ns, row.p_m, row.q_wxyz, _velocity(before, row), 3)
+            pose = Pose(
+                t_mono_ns=t_ns,
+                p_enu_m=row.p_m,
+                q_enu_from_body=row.q_wxyz,
+                v_enu_m_s=_velocity(before, row),
+                confidence=3,
+            )
             self.received += 1
             self._on_pose(turned(pose, self._north_rad))
             before = row

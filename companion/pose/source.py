@@ -49,16 +49,16 @@ class BodyFrame:
         w, i, j, k = raw.quaternion_wxyz
         (aw, ai, aj, ak), (bw, bi, bj, bk), (cw, ci, cj, ck), (dw, di, dj, dk) = self._quaternion[raw.frame]
         return Pose(
-            raw.t_mono_ns,
-            (ax * x + ay * y + az * z, bx * x + by * y + bz * z, cx * x + cy * y + cz * z),
-            (
+            t_mono_ns=raw.t_mono_ns,
+            p_enu_m=(ax * x + ay * y + az * z, bx * x + by * y + bz * z, cx * x + cy * y + cz * z),
+            q_enu_from_body=(
                 aw * w + ai * i + aj * j + ak * k,
                 bw * w + bi * i + bj * j + bk * k,
                 cw * w + ci * i + cj * j + ck * k,
                 dw * w + di * i + dj * j + dk * k,
             ),
-            (ax * vx + ay * vy + az * vz, bx * vx + by * vy + bz * vz, cx * vx + cy * vy + cz * vz),
-            raw.confidence,
+            v_enu_m_s=(ax * vx + ay * vy + az * vz, bx * vx + by * vy + bz * vz, cx * vx + cy * vy + cz * vz),
+            confidence=raw.confidence,
         )
 
 

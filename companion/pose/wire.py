@@ -71,4 +71,12 @@ def decode(datagram: bytes) -> RawPose:
     axes = _FRAMES.get(frame)
     if axes is None:
         raise PoseWireError(f"frame {frame}, expected one of {list(_FRAMES)}")
-    return RawPose(t_mono_ns, (x, y, z), (qw, qx, qy, qz), (vx, vy, vz), confidence, axes, session)
+    return RawPose(
+        t_mono_ns=t_mono_ns,
+        position_m=(x, y, z),
+        quaternion_wxyz=(qw, qx, qy, qz),
+        velocity_m_s=(vx, vy, vz),
+        confidence=confidence,
+        frame=axes,
+        session=session,
+    )

@@ -84,6 +84,7 @@ class Radio:
 
     def __init__(
         self,
+        *,
         source: CsiSource,
         peers: Mapping[bytes, int],
         clock: Clock,
@@ -151,7 +152,16 @@ class Radio:
         counters.no_counter += record.frame_count is None
         counters.samples += 1
         power_dbm = total_rss_dbm(record.rssi, record.agc)
-        self._on_sample(ChannelSample(peer, record.frame_count, t_mono_ns, record.timestamp_low_us, body, power_dbm))
+        self._on_sample(
+            ChannelSample(
+                peer=peer,
+                frame=record.frame_count,
+                t_mono_ns=t_mono_ns,
+                nic_us=record.timestamp_low_us,
+                channel=body,
+                power_dbm=power_dbm,
+            )
+        )
 
     def _take_feitcsi(self, record: FeitRecord, heard_ns: int) -> None:
         """Such a card counts neither packets nor what it lost."""

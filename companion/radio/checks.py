@@ -67,7 +67,7 @@ async def live_checks(config: Config, seconds: float, on_progress: Callable[[flo
     def count(sample: ChannelSample) -> None:
         heard[sample.peer] += 1
 
-    radio = Radio(source, macs(config), MonotonicClock(), count, lambda *_: None)
+    radio = Radio(source=source, peers=macs(config), clock=MonotonicClock(), on_sample=count, on_record=lambda *_: None)
     probe = ConnectorProbe() if config.csi.source == "netlink" else None
     loop = asyncio.get_running_loop()
     loop.add_reader(source.fileno(), radio.drain)
@@ -85,7 +85,7 @@ async def live_checks(config: Config, seconds: float, on_progress: Callable[[flo
             loop.remove_reader(probe.fileno())
             probe.close()
     elsewhere = {} if probe is None else {idx: n for idx, n in probe.heard.items() if idx != config.csi.connector_idx}
-    return list(_heard(config, radio, heard, seconds, source.counters.refused_sender, elsewhere))
+    return list(_heard(config, radio, heard, seconds, refused=source.counters.refused_sender, elsewhere=elsewhere))
 
 
 def _module(system: System) -> Check:
@@ -172,7 +172,7 @@ def tuned_checks(csi: CsiConfig, wanted_mhz: int, found: Tuned | None, remedy: s
 
 
 def _heard(
-    config: Config, radio: Radio, heard: dict[int, int], seconds: float, refused: int, elsewhere: dict[int, int]
+    config: Config, radio: Radio, heard: dict[int, int], seconds: float, *, refused: int, elsewhere: dict[int, int]
 ) -> Iterator[Check]:
     counters = radio.counters
     moving = "" if counters.records else "are frames on the air? start the beacons, or ping them (ping.enabled)"

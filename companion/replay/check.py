@@ -53,7 +53,7 @@ class Difference:
         return f"message {self.index}{at}: {self.what}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StreamCheck:
     """One stream of decisions: how many messages, how many byte for byte the same, and the first difference."""
 
@@ -119,7 +119,9 @@ def _check_stream(
         longer = "recorded" if len(old) > len(new) else "replayed"
         t_s = _since(old[len(new)], start_ns) if len(old) > len(new) else None
         difference = Difference(min(len(old), len(new)), t_s, f"only {longer} from here on")
-    return StreamCheck(stream.topic, len(old), len(new), identical, difference)
+    return StreamCheck(
+        topic=stream.topic, recorded=len(old), replayed=len(new), identical=identical, difference=difference
+    )
 
 
 def _differs(stream: Stream, message: LoggedMessage, decided: Decided) -> Iterable[str]:

@@ -107,6 +107,7 @@ def replay_with_page(
     session: Session,
     speed: float | None,
     port: int,
+    *,
     announce: Callable[[str], None],
     stay: Callable[[], None] = lambda: None,
 ) -> ReplayResult:

@@ -290,5 +290,7 @@ class Player:
             due_ns = asked_ns + self._latency_ns.get(request_id, self._usual_latency_ns)
             if due_ns <= now_ns:
                 self._base.t_ns = due_ns
-                answer = Answer(due_ns, request_id, 0, (due_ns - asked_ns) / 1e9, "")
+                answer = Answer(
+                    t_mono_ns=due_ns, id=request_id, peer=0, compute_s=(due_ns - asked_ns) / 1e9, failure=""
+                )
                 self._hand_over(self.worker.answer(answer))

@@ -30,7 +30,13 @@ Floats = npt.NDArray[np.float64]
 
 
 def show_recording(
-    result: RunResult, path_m: Floats, name: str, port: int, announce: Callable[[str], None], stay: Callable[[], None]
+    result: RunResult,
+    path_m: Floats,
+    name: str,
+    port: int,
+    *,
+    announce: Callable[[str], None],
+    stay: Callable[[], None],
 ) -> None:
     """Shows what `analyze` found; `path_m` (N, 3) is where the receiving robot was. `announce` is told the address,
     `stay` returns when the page may go. Raises CompanionError when the port is taken or there is nothing to show."""
@@ -51,7 +57,7 @@ def show_recording(
         for number, link in enumerate(links, 1):
             t_ns += round(_EACH_S * NS_PER_S)
             page.feed.note(TICK, t_ns, None)
-            _show_link(page.feed, t_ns, number, link, (middle[0], middle[1], middle[2]))
+            _show_link(page.feed, t_ns, number, link, place=(middle[0], middle[1], middle[2]))
             pause.wait(_EACH_S)
         page.end(t_ns)
         stay()
@@ -65,7 +71,7 @@ def _about(name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _show_link(feed: Feed, t_ns: int, number: int, link: LinkResult, place: Vector3) -> None:
+def _show_link(feed: Feed, t_ns: int, number: int, link: LinkResult, *, place: Vector3) -> None:
     found = link.estimate
     assert found is not None and link.profile is not None
     estimate = LoggedEstimate(

@@ -154,4 +154,11 @@ def write_log(path: Path, session: Session, config: Config, result: ReplayResult
 def write_decided(writer: LogWriter, one: Decided, wall_minus_mono_ns: int) -> None:
     """One message as the recorder would have written it."""
     times = (one.t_ns + wall_minus_mono_ns, one.own_t_ns + wall_minus_mono_ns)
-    writer.copy(one.stream.topic, one.stream.encoding, schema_of(one.source), times, one.event & 0xFFFFFFFF, one.data)
+    writer.copy(
+        one.stream.topic,
+        one.stream.encoding,
+        schema_of(one.source),
+        times,
+        sequence=one.event & 0xFFFFFFFF,
+        data=one.data,
+    )

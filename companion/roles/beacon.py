@@ -34,8 +34,8 @@ class Beacon:
             sample.t_mono_ns,
             sample.nic_us,
             csi[:, self._antenna].copy(),
-            sample.power_dbm,
-            self._antenna,
+            power_dbm=sample.power_dbm,
+            antenna=self._antenna,
             band=sample.band,
             ticks=0 if sample.fine_us is None else round(sample.fine_us * TICKS_PER_US),
         )

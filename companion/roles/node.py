@@ -83,7 +83,13 @@ class Node:
         )
         self.lookalikes = Lookalikes(names, config.neighbours.refuse_lookalikes)
         self._source = inputs.open_csi()
-        self.radio = Radio(self._source, macs(config), clock, self.samples.give, self._record_csi)
+        self.radio = Radio(
+            source=self._source,
+            peers=macs(config),
+            clock=clock,
+            on_sample=self.samples.give,
+            on_record=self._record_csi,
+        )
         self._pinger: Pinger | None = inputs.open_pinger(clock)
         self._link: Link | None = None
         self._readers: CoalescedReaders | None = None

@@ -24,7 +24,9 @@ class TeamOf:
             return
         self._gathering = Gathering(config.id, node.book.own_boot_id, node.receiver.neighbours)
         names = {peer.id: peer.name for peer in config.peers}
-        self._process = TeamProcess(config.id, names, node.clock, node.recorder, self._gathering.news)
+        self._process = TeamProcess(
+            own=config.id, names=names, clock=node.clock, recorder=node.recorder, news=self._gathering.news
+        )
         node.poses.connect(self._add_pose)
 
     def add_iteration(self, iteration: Iteration) -> None:

@@ -47,11 +47,11 @@ class Uav:
         self.autopilot = SnapshotAutopilot(make_autopilot(node.odometry_sink()), clock, recorder)
         aperture = config.aperture
         window = SarWindow(
-            config.pose.antenna_m,
-            wavelength_m(config.csi.channel),
-            aperture.min_packets,
-            aperture.max_pose_gap_s,
-            node.radio.nic_clock,
+            antenna_m=config.pose.antenna_m,
+            wavelength_m=wavelength_m(config.csi.channel),
+            min_packets=aperture.min_packets,
+            max_pose_gap_s=aperture.max_pose_gap_s,
+            nic_clock=node.radio.nic_clock,
         )
         self.sar = SarIterations(
             window=window,

@@ -122,6 +122,7 @@ class Gate:
         state: VehicleState,
         now_ns: int,
         mode_is_ours: bool,
+        *,
         neighbours: Sequence[Vector3] = (),
         ground_m: float = 0.0,
     ) -> Verdict:
@@ -139,7 +140,7 @@ class Gate:
         if flown is None:
             return Verdict(None, (Reason.NO_POSITION,))
         p_m, v_m_s, yaw_rad = flown
-        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns, neighbours, ground_m)
+        reasons = self._reasons(setpoint, p_m, v_m_s, now_ns, neighbours=neighbours, ground_m=ground_m)
         return Verdict(Setpoint(now_ns, p_m, (0.0, 0.0, 0.0), yaw_rad) if reasons else setpoint, reasons)
 
     def _reasons(
@@ -148,6 +149,7 @@ class Gate:
         p_m: Vector3,
         v_m_s: Vector3,
         now_ns: int,
+        *,
         neighbours: Sequence[Vector3],
         ground_m: float,
     ) -> tuple[Reason, ...]:

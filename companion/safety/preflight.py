@@ -30,7 +30,7 @@ class Needed(StrEnum):
     VISION = "without GPS"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Requirement:
     """One parameter of PX4, as docs.px4.io describes it, and the values with which the safety case holds."""
 
@@ -46,58 +46,65 @@ class Requirement:
 
 REQUIREMENTS: Final = (
     Requirement(
-        "COM_OF_LOSS_T", Needed.ALWAYS, lambda v: 0 < v <= 1.0, "at most 1 s",
-        "so long PX4 flies on after the last set point of a companion that died",
+        name="COM_OF_LOSS_T", needed=Needed.ALWAYS, accepts=lambda v: 0 < v <= 1.0, wanted="at most 1 s",
+        why="so long PX4 flies on after the last set point of a companion that died",
     ),
     Requirement(
-        "COM_OBL_RC_ACT", Needed.ALWAYS, lambda v: v in (4, 5), "4 (land) or 5 (hold)",
-        "what PX4 does when the stream is lost; its default 0 descends when there is no RC",
+        name="COM_OBL_RC_ACT", needed=Needed.ALWAYS, accepts=lambda v: v in (4, 5), wanted="4 (land) or 5 (hold)",
+        why="what PX4 does when the stream is lost; its default 0 descends when there is no RC",
     ),
     Requirement(
-        "COM_RC_OVERRIDE", Needed.ALWAYS, lambda v: int(v) & 3 == 3, "3",
-        "moving the sticks must give the pilot the vehicle in auto modes (1) and in OFFBOARD (2)",
+        name="COM_RC_OVERRIDE", needed=Needed.ALWAYS, accepts=lambda v: int(v) & 3 == 3, wanted="3",
+        why="moving the sticks must give the pilot the vehicle in auto modes (1) and in OFFBOARD (2)",
     ),
     Requirement(
-        "GF_ACTION", Needed.ALWAYS, lambda v: v in (2, 3, 5), "2 (hold), 3 (return) or 5 (land)",
-        "PX4's own geofence is the barrier behind ours; 0 and 1 do nothing, 4 stops the motors",
+        name="GF_ACTION", needed=Needed.ALWAYS, accepts=lambda v: v in (2, 3, 5),
+        wanted="2 (hold), 3 (return) or 5 (land)",
+        why="PX4's own geofence is the barrier behind ours; 0 and 1 do nothing, 4 stops the motors",
     ),
     Requirement(
-        "RTL_RETURN_ALT", Needed.COPTER, lambda v: v > 0, "below gate.fence_max_m and GF_MAX_VER_DIST",
-        "every return climbs to it, ours and those of PX4's failsafes: its default of 30 m leads through a ceiling",
+        name="RTL_RETURN_ALT", needed=Needed.COPTER, accepts=lambda v: v > 0,
+        wanted="below gate.fence_max_m and GF_MAX_VER_DIST",
+        why="every return climbs to it, ours and those of PX4's failsafes: its default of 30 m leads through a ceiling",
     ),
     Requirement(
-        "GF_MAX_VER_DIST", Needed.COPTER, lambda v: v >= 0, "0, or above RTL_RETURN_ALT",
-        "a return that meets PX4's own fence ends in a failsafe up there",
+        name="GF_MAX_VER_DIST", needed=Needed.COPTER, accepts=lambda v: v >= 0, wanted="0, or above RTL_RETURN_ALT",
+        why="a return that meets PX4's own fence ends in a failsafe up there",
     ),
     Requirement(
-        "NAV_MC_ALT_RAD", Needed.COPTER, lambda v: v > 0, "below mission.takeoff_height_m by 0.3 m",
-        "PX4 ends its takeoff so far from the height: one that is lower ends on the ground",
+        name="NAV_MC_ALT_RAD", needed=Needed.COPTER, accepts=lambda v: v > 0,
+        wanted="below mission.takeoff_height_m by 0.3 m",
+        why="PX4 ends its takeoff so far from the height: one that is lower ends on the ground",
     ),
     Requirement(
-        "SYS_HAS_GPS", Needed.GPS, lambda v: v == 1, "1", "autopilot.gps says that the position comes from GPS",
+        name="SYS_HAS_GPS", needed=Needed.GPS, accepts=lambda v: v == 1, wanted="1",
+        why="autopilot.gps says that the position comes from GPS",
     ),
     Requirement(
-        "EKF2_EV_CTRL", Needed.GPS, lambda v: v == 0, "0",
-        "with GPS our poses are not for the estimator: two positions would pull at each other",
+        name="EKF2_EV_CTRL", needed=Needed.GPS, accepts=lambda v: v == 0, wanted="0",
+        why="with GPS our poses are not for the estimator: two positions would pull at each other",
     ),
     Requirement(
-        "SYS_HAS_GPS", Needed.VISION, lambda v: v == 0, "0", "without GPS PX4 must not wait for it before arming",
+        name="SYS_HAS_GPS", needed=Needed.VISION, accepts=lambda v: v == 0, wanted="0",
+        why="without GPS PX4 must not wait for it before arming",
     ),
     Requirement(
-        "EKF2_EV_CTRL", Needed.VISION, lambda v: v > 0 and int(v) & _VISION_BITS == _VISION_BITS, "11 or 15",
-        "position, height and yaw come from our poses (bits 1, 2 and 8; 4 adds velocity)",
+        name="EKF2_EV_CTRL", needed=Needed.VISION, accepts=lambda v: v > 0 and int(v) & _VISION_BITS == _VISION_BITS,
+        wanted="11 or 15",
+        why="position, height and yaw come from our poses (bits 1, 2 and 8; 4 adds velocity)",
     ),
     Requirement(
-        "EKF2_GPS_CTRL", Needed.VISION, lambda v: v == 0, "0",
-        "a GPS fix through a window would pull the estimate away from the poses",
+        name="EKF2_GPS_CTRL", needed=Needed.VISION, accepts=lambda v: v == 0, wanted="0",
+        why="a GPS fix through a window would pull the estimate away from the poses",
     ),
     Requirement(
-        "EKF2_HGT_REF", Needed.VISION, lambda v: v == 3, "3 (vision)",
-        "the height that is flown at is that of the poses",
+        name="EKF2_HGT_REF", needed=Needed.VISION, accepts=lambda v: v == 3, wanted="3 (vision)",
+        why="the height that is flown at is that of the poses",
     ),
     Requirement(
-        "EKF2_EV_DELAY", Needed.VISION, lambda v: 0 <= v <= _MOST_DELAY_MS, "0 to 100 ms, of the camera alone",
-        "our poses carry the vehicle's own time: delays for poses stamped on arrival count the way to it twice",
+        name="EKF2_EV_DELAY", needed=Needed.VISION, accepts=lambda v: 0 <= v <= _MOST_DELAY_MS,
+        wanted="0 to 100 ms, of the camera alone",
+        why="our poses carry the vehicle's own time: delays for poses stamped on arrival count the way to it twice",
     ),
 )  # fmt: skip
 """docs/vehicle.md has this table, generated."""

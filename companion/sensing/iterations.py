@@ -164,7 +164,11 @@ class SarIterations:
         """The worker has answered."""
         with self._clock.event() as now_ns:
             failure = result.refusal if result.failed else ""
-            self._recorder.record(ANSWER, now_ns, Answer(now_ns, result.id, result.peer, result.compute_s, failure))
+            self._recorder.record(
+                ANSWER,
+                now_ns,
+                Answer(t_mono_ns=now_ns, id=result.id, peer=result.peer, compute_s=result.compute_s, failure=failure),
+            )
             number, report = self._pending.pop(result.id)
             self._end(number, report, result)
 

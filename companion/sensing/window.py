@@ -83,6 +83,7 @@ class SarWindow:
 
     def __init__(
         self,
+        *,
         antenna_m: Vector3,
         wavelength_m: float,
         min_packets: int,

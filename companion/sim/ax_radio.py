@@ -74,7 +74,7 @@ class AxRadioLink(CardPair[FeitRecord]):
         return np.asarray(np.float32(math.sqrt(self._noise_mw)) * np.concatenate(parts))
 
     def _hear(
-        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], draws: ExchangeDraws
+        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], *, draws: ExchangeDraws
     ) -> list[FeitRecord]:
         sender, receiver = self._ends(side)
         microseconds = receiver.microseconds(t_s)

@@ -35,7 +35,7 @@ _POLL_S: Final = 0.25
 _LEAVE_S: Final = 1.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
     """One look at the run: what the service says and what is true. `setpoint_rate_hz` is what the autopilot received
     over the last second or so."""
@@ -67,6 +67,7 @@ async def run_demo(
     out: Path,
     max_time_s: float,
     on_watch: Callable[[Watch], None],
+    *,
     gps: bool = False,
     scene: str | None = None,
     card: Card = "5300",
@@ -160,7 +161,13 @@ class _Operator:
         self._drain_truth()
         status = await ask(self._stage.control_socket, "status")
         newest = self._truths[-1] if self._truths else None
-        watch = Watch(elapsed_s, status, newest, self._truth_at(status["bearing"]), self._setpoint_rate())
+        watch = Watch(
+            elapsed_s=elapsed_s,
+            status=status,
+            truth=newest,
+            bearing_truth=self._truth_at(status["bearing"]),
+            setpoint_rate_hz=self._setpoint_rate(),
+        )
         self._on_watch(watch)
         return watch
 

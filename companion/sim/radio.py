@@ -122,8 +122,8 @@ class CardPair(ABC, Generic[R]):
         first, self._next = self._next, self._next + count
         draws = exchange_draws(self._scenario.seed, first, count)
         t_s = exchange_times(self._scenario, np.arange(first, first + count), draws)
-        signal = self._signal(t_s, uav, beacon, draws, self._noise(first, count, draws))
-        at_beacon, at_uav = (self._hear(side, first, t_s[side], signal[side], draws) for side in (0, 1))
+        signal = self._signal(t_s, uav, beacon, draws, noise=self._noise(first, count, draws))
+        at_beacon, at_uav = (self._hear(side, first, t_s[side], signal[side], draws=draws) for side in (0, 1))
         self.heard_s = t_s[1][~self._is_lost(draws, 1)], t_s[0][~self._is_lost(draws, 0)]
         return at_uav, at_beacon
 
@@ -141,7 +141,7 @@ class CardPair(ABC, Generic[R]):
 
     @abstractmethod
     def _hear(
-        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], draws: ExchangeDraws
+        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], *, draws: ExchangeDraws
     ) -> list[R]:
         """Records of one card from signal (N, S, R); side 0 is the beacon hearing pings, 1 the UAV hearing answers."""
 
@@ -155,6 +155,7 @@ class CardPair(ABC, Generic[R]):
         uav: Trajectory,
         beacon: Trajectory,
         draws: ExchangeDraws,
+        *,
         noise: npt.NDArray[np.complexfloating],
     ) -> npt.NDArray[np.complex128]:
         """What the cards estimate, (2, N, S, R) in sqrt(mW): at the beacon at t_s[0], at the UAV at t_s[1]."""
@@ -195,7 +196,7 @@ class RadioLink(CardPair[CsiRecord]):
         return np.asarray(10 ** (self._scenario.radio.noise_dbm / 20) * draws.noise)
 
     def _hear(
-        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], draws: ExchangeDraws
+        self, side: int, first: int, t_s: Array, signal: npt.NDArray[np.complex128], *, draws: ExchangeDraws
     ) -> list[CsiRecord]:
         sender, receiver = self._ends(side)
         power_mw = np.sum(signal.real**2 + signal.imag**2, axis=1) / signal.shape[1]

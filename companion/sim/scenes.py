@@ -70,14 +70,14 @@ def open_ground(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScena
 
 def hall(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
     """A floor, and two walls at right angles 6 to 12 m beyond the places (N, 3), of gain 0.1 to 0.3 and any phase."""
-    walls = _walls(rng, places_m, 2, _HALL_BEYOND_M, _HALL_GAIN)
+    walls = _walls(rng, places_m, 2, _HALL_BEYOND_M, gain=_HALL_GAIN)
     return RadioScenario(reflectors=(_plane(rng, _UP, 0.0, _HALL_GAIN), *walls))
 
 
 def hard_room(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
     """Four walls 2 to 6 m beyond the places (N, 3) and a ceiling as far above the flight, of random gain 0.3 to 0.6 and
     phase; the floor of the hall."""
-    walls = _walls(rng, places_m, 4, _HARD_BEYOND_M, _HARD_GAIN)
+    walls = _walls(rng, places_m, 4, _HARD_BEYOND_M, gain=_HARD_GAIN)
     ceiling = _plane(rng, _UP, FLIGHT_HEIGHT_M + rng.uniform(*_HARD_BEYOND_M), _HARD_GAIN)
     return RadioScenario(reflectors=(_plane(rng, _UP, 0.0, _HALL_GAIN), *walls, ceiling))
 
@@ -202,6 +202,7 @@ def _walls(
     places_m: npt.ArrayLike,
     count: int,
     beyond_m: tuple[float, float],
+    *,
     gain: tuple[float, float],
 ) -> list[Reflector]:
     """Upright, at right angles; each so far beyond the place that is nearest to it."""

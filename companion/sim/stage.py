@@ -93,10 +93,12 @@ def set_stage(
     if scene is not None and drives(scene):
         uav = _on_wheels(uav)
     uav = dataclasses.replace(
-        _placed(uav, directory / "uav", transport, neighbour_port, out / "log.mcap", claims),
+        _placed(uav, directory / "uav", transport, neighbour_port, log=out / "log.mcap", connectors=claims),
         autopilot=AutopilotConfig(f"udpin://127.0.0.1:{mavlink_port}", gps=gps, forward_vio_hz=0.0 if gps else _VIO_HZ),
     )
-    beacon = _placed(beacon, directory / "beacon", transport, neighbour_port, out / "beacon.mcap", claims)
+    beacon = _placed(
+        beacon, directory / "beacon", transport, neighbour_port, log=out / "beacon.mcap", connectors=claims
+    )
     scenario = _scenario(uav, beacon, directory, seed)
     if card == "ax210":
         scenario = _with_ax_cards(scenario)
@@ -252,6 +254,7 @@ def _placed(
     directory: Path,
     transport: str,
     neighbour_port: int,
+    *,
     log: Path,
     connectors: Collection[int],
 ) -> Config:

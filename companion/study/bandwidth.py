@@ -68,7 +68,7 @@ def _trial(case: BandwidthCase, seed: SeedSequence) -> BandwidthRow:
     beacon_m = base.start_distance_m * direction(base.beacon_azimuth_rad, math.pi / 2)
     beacon_m[2] = _HEIGHT_M
     heading = base.beacon_azimuth_rad + rng.normal(0.0, _HEADING_STD_RAD)
-    leg = plan_leg((0.0, 0.0, FLIGHT_HEIGHT_M), heading, FLIGHT_HEIGHT_M, int(rng.choice([-1, 1])), _SHAPE)
+    leg = plan_leg((0.0, 0.0, FLIGHT_HEIGHT_M), heading, FLIGHT_HEIGHT_M, int(rng.choice([-1, 1])), shape=_SHAPE)
     uav = Trajectory(1.0 + leg.t_s, leg.p_local_enu_m, np.zeros(leg.t_s.size))
     return BandwidthRow(case.room, {width: _error(base, width, uav, beacon_m) for width in WIDTHS_MHZ})
 
@@ -91,9 +91,19 @@ def _summarise(rows: Sequence[BandwidthRow]) -> Summary:
             head = f"{room}, {width} MHz"
             circle = [error.great_circle_deg for error in errors]
             azimuth = float(np.mean([error.azimuth_deg for error in errors]))
-            findings.append(Finding(f"{head}: mean azimuth error", azimuth, "left open", "deg"))
-            findings.append(Finding(f"{head}: mean great circle", float(np.mean(circle)), "left open", "deg"))
-            findings.append(Finding(f"{head}: below 10 deg", share_below(circle, _LIMIT_DEG), "left open", "%"))
+            findings.append(
+                Finding(quantity=f"{head}: mean azimuth error", ours=azimuth, paper="left open", unit="deg")
+            )
+            findings.append(
+                Finding(
+                    quantity=f"{head}: mean great circle", ours=float(np.mean(circle)), paper="left open", unit="deg"
+                )
+            )
+            findings.append(
+                Finding(
+                    quantity=f"{head}: below 10 deg", ours=share_below(circle, _LIMIT_DEG), paper="left open", unit="%"
+                )
+            )
     return Summary(findings, list(_NOTES))
 
 

@@ -100,19 +100,23 @@ def _summarise(rows: Sequence[BoundCurves]) -> Summary:
         for name in ("theta", "phi"):
             for share, word in ((0.5, "median"), (0.9, "90th percentile")):
                 quantity = f"{row.geometry}, phase {row.phase}: {word} of sqrt CRB_{name}"
-                findings.append(Finding(quantity, row.at(name, share), None, "deg"))
+                findings.append(Finding(quantity=quantity, ours=row.at(name, share), paper=None, unit="deg"))
         if row.geometry == "line":
             for letter, name in (("A", "theta"), ("B", "phi")):
                 quantity = f"line, phase {row.phase}: median of sqrt 1/{letter} alone"
-                findings.append(Finding(quantity, row.at(f"{name}_alone", 0.5), None, "deg"))
+                findings.append(Finding(quantity=quantity, ours=row.at(f"{name}_alone", 0.5), paper=None, unit="deg"))
             quantity = f"line, phase {row.phase}: directions without a joint bound"
-            findings.append(Finding(quantity, 100 * row.infinite_share, "inflates to infinity", "%"))
+            findings.append(
+                Finding(quantity=quantity, ours=100 * row.infinite_share, paper="inflates to infinity", unit="%")
+            )
     for phase in ("known", "unknown"):
         for name in ("theta", "phi"):
             for share, word in ((0.5, "median"), (0.9, "90th percentile")):
                 findings.append(
                     Finding(
-                        f"order by CRB_{name}, phase {phase}, {word}", _order(rows, phase, name, share), _PAPER_ORDER
+                        quantity=f"order by CRB_{name}, phase {phase}, {word}",
+                        ours=_order(rows, phase, name, share),
+                        paper=_PAPER_ORDER,
                     )
                 )
     return Summary(

@@ -69,7 +69,7 @@ class DriftCase:
     ate_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriftRow:
     """One error drawn, seen by every method. Of a path in a plane the polar angle means nothing."""
 
@@ -107,7 +107,13 @@ def _trial(case: DriftCase, seed: SeedSequence) -> DriftRow:
             errors[f"{name} {word}"] = aoa_error(found.azimuth_rad, found.polar_rad, azimuth, polar)
     errors["least squares"] = _least_squares(p_m, estimated_m, azimuth, polar)
     own_ate_m = math.sqrt(float(np.mean(np.sum(error_m**2, axis=1))))
-    return DriftRow(case.path, case.error, case.ate_m, own_ate_m, {name: errors[name] for name in _METHODS})
+    return DriftRow(
+        path=case.path,
+        error=case.error,
+        ate_m=case.ate_m,
+        own_ate_m=own_ate_m,
+        errors={name: errors[name] for name in _METHODS},
+    )
 
 
 def _path(path: Path, rng: np.random.Generator) -> Array:
@@ -151,7 +157,7 @@ def _least_squares(p_m: Array, estimated_m: Array, azimuth: float, polar: float)
     return aoa_error(azimuth + float(moved[0]), polar + (float(moved[1]) if spatial else 0.0), azimuth, polar)
 
 
-def _median(rows: Sequence[DriftRow], path: str, error: str, ate_m: float, method: str, angle: str) -> float:
+def _median(rows: Sequence[DriftRow], path: str, error: str, ate_m: float, *, method: str, angle: str) -> float:
     chosen = [row for row in rows if (row.path, row.error, row.ate_m) == (path, error, ate_m)]
     return float(np.median([getattr(row.errors[method], angle) for row in chosen]))
 
@@ -163,13 +169,24 @@ def _summarise(rows: Sequence[DriftRow]) -> Summary:
             for method in _SHOWN:
                 for ate_m, value in zip(_TABLE_ATE_M, paper, strict=True):
                     quantity = f"{error}, {path}, {_SYMBOL[angle]}, ATE {ate_m} m: {method}"
-                    ours = _median(rows, path, error, ate_m, method, angle)
-                    findings.append(Finding(quantity, ours, None if error == "velocity bias" else value, "deg"))
+                    ours = _median(rows, path, error, ate_m, method=method, angle=angle)
+                    findings.append(
+                        Finding(
+                            quantity=quantity, ours=ours, paper=None if error == "velocity bias" else value, unit="deg"
+                        )
+                    )
         for method in _SHOWN:
             for ate_m in _TABLE_ATE_M:
-                ours = _median(rows, "3D arbitrary", error, ate_m, method, "great_circle_deg")
+                ours = _median(rows, "3D arbitrary", error, ate_m, method=method, angle="great_circle_deg")
                 quantity = f"{error}, 3D arbitrary, great circle, ATE {ate_m} m: {method}"
-                findings.append(Finding(quantity, ours, "linear in ATE" if error == "random walk" else None, "deg"))
+                findings.append(
+                    Finding(
+                        quantity=quantity,
+                        ours=ours,
+                        paper="linear in ATE" if error == "random walk" else None,
+                        unit="deg",
+                    )
+                )
     return Summary(findings, [_within(rows), _bias(rows), _ramp(rows), *_NOTES])
 
 
@@ -178,7 +195,7 @@ def _within(rows: Sequence[DriftRow]) -> str:
     parts = []
     for method in _METHODS:
         hits = [
-            0.5 <= _median(rows, path, "random walk", ate_m, method, angle) / value <= 2.0
+            0.5 <= _median(rows, path, "random walk", ate_m, method=method, angle=angle) / value <= 2.0
             for (path, angle), paper in _PAPER_DEG.items()
             for ate_m, value in zip(_TABLE_ATE_M, paper, strict=True)
         ]
@@ -221,15 +238,15 @@ def _draw(rows: Sequence[DriftRow], figure: Figure) -> None:
     for row, error in enumerate(_KINDS):
         for column, (path, angle) in enumerate(_PAPER_DEG):
             axes = panels[row, column]
-            groups = {m: [_median(rows, path, error, a, m, angle) for a in _ATE_M] for m in _SHOWN}
-            draw_lines(axes, _ATE_M, groups, "ATE [m]", f"median {_SYMBOL[angle]} error [deg]")
+            groups = {m: [_median(rows, path, error, a, method=m, angle=angle) for a in _ATE_M] for m in _SHOWN}
+            draw_lines(axes, _ATE_M, groups, "ATE [m]", ylabel=f"median {_SYMBOL[angle]} error [deg]")
             if error != "velocity bias":
                 axes.plot(_TABLE_ATE_M, _PAPER_DEG[path, angle], "k*", markersize=10, label="paper, Table 1")
                 axes.legend(fontsize=7)
             axes.set_title(f"{path}, {error}", fontsize=9)
         last, angle = panels[row, 3], "great_circle_deg"
-        groups = {m: [_median(rows, "3D arbitrary", error, a, m, angle) for a in _ATE_M] for m in _SHOWN}
-        draw_lines(last, _ATE_M, groups, "ATE [m]", "median great circle [deg]")
+        groups = {m: [_median(rows, "3D arbitrary", error, a, method=m, angle=angle) for a in _ATE_M] for m in _SHOWN}
+        draw_lines(last, _ATE_M, groups, "ATE [m]", ylabel="median great circle [deg]")
         last.set_title(f"3D arbitrary, {error}", fontsize=9)
 
 

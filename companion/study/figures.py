@@ -35,7 +35,9 @@ def draw_cdf(axes: Axes, groups: Mapping[str, npt.ArrayLike], xlabel: str, limit
     axes.legend(fontsize=7, loc="lower right")
 
 
-def draw_lines(axes: Axes, x: Sequence[float], groups: Mapping[str, Sequence[float]], xlabel: str, ylabel: str) -> None:
+def draw_lines(
+    axes: Axes, x: Sequence[float], groups: Mapping[str, Sequence[float]], xlabel: str, *, ylabel: str
+) -> None:
     """One line with markers a group over common x."""
     for number, (label, y) in enumerate(groups.items()):
         axes.plot(x, y, linestyle=STYLES[number % len(STYLES)], marker=MARKERS[number % len(MARKERS)], label=label)

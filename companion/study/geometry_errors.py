@@ -104,16 +104,40 @@ def _summarise(rows: Sequence[GeometryRow]) -> Summary:
     findings = []
     for geometry, paper in _PAPER_SHARE.items():
         shares = {m: share_below(_of(rows, geometry, m), _LIMIT_DEG) for m in ("paper_deg", "great_circle_deg")}
-        findings.append(Finding(f"{geometry}: below 10 deg by the paper's measure", shares["paper_deg"], paper, "%"))
-        findings.append(Finding(f"{geometry}: below 10 deg on the great circle", shares["great_circle_deg"], None, "%"))
+        findings.append(
+            Finding(
+                quantity=f"{geometry}: below 10 deg by the paper's measure",
+                ours=shares["paper_deg"],
+                paper=paper,
+                unit="%",
+            )
+        )
+        findings.append(
+            Finding(
+                quantity=f"{geometry}: below 10 deg on the great circle",
+                ours=shares["great_circle_deg"],
+                paper=None,
+                unit="%",
+            )
+        )
         for measure, word in (("azimuth_deg", "phi"), ("polar_deg", "theta"), ("paper_deg", "the paper's measure")):
             findings.append(
                 Finding(
-                    f"{geometry}: median error, {word}", float(np.median(_of(rows, geometry, measure))), None, "deg"
+                    quantity=f"{geometry}: median error, {word}",
+                    ours=float(np.median(_of(rows, geometry, measure))),
+                    paper=None,
+                    unit="deg",
                 )
             )
         bounds = [row.crb_deg for row in rows if row.geometry == geometry]
-        findings.append(Finding(f"{geometry}: median of the great-circle bound", float(np.median(bounds)), None, "deg"))
+        findings.append(
+            Finding(
+                quantity=f"{geometry}: median of the great-circle bound",
+                ours=float(np.median(bounds)),
+                paper=None,
+                unit="deg",
+            )
+        )
     return Summary(
         findings,
         [

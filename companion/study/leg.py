@@ -49,7 +49,7 @@ class Leg:
         return (px, py, pz), (vx, vy, vz)
 
 
-def plan_leg(start_m: Vector3, azimuth_rad: float, height_m: float, side: int, shape: LegShape) -> Leg:
+def plan_leg(start_m: Vector3, azimuth_rad: float, height_m: float, side: int, *, shape: LegShape) -> Leg:
     """One leg from `start_m` along `azimuth_rad` that ends at `height_m`. `side` (+1, -1) is where the helix swings
     first; alternating it keeps the flight on the line."""
     forward_m = _forward_length(shape)

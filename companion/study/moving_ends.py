@@ -98,9 +98,9 @@ def _trial(case: MovingCase, seed: SeedSequence) -> MovingRow:
     )
     heard = hear(world, own, other)
     still = standing(start_m, own.t_s[0], own.t_s[-1])
-    errors = _errors(_STANDING, hear(world, own, still), own, still, None)
+    errors = _errors(_STANDING, hear(world, own, still), own, still, believed_m=None)
     for variant, believed_m in _believed(heard, other, rng).items():
-        errors |= _errors(variant, heard, own, other, believed_m)
+        errors |= _errors(variant, heard, own, other, believed_m=believed_m)
     return MovingRow(case.scenario, errors, _sample(heard, own, other) if case.is_sample else None)
 
 
@@ -155,7 +155,7 @@ def _believed(heard: Heard, other: Trajectory, rng: np.random.Generator) -> dict
 
 
 def _errors(
-    variant: str, heard: Heard, own: Trajectory, other: Trajectory, believed_m: Array | None
+    variant: str, heard: Heard, own: Trajectory, other: Trajectory, *, believed_m: Array | None
 ) -> dict[str, AoaError]:
     aperture = heard.aperture(own.at(heard.t_s)[0], believed_m)
     estimators: dict[str, Estimator] = {"bartlett": Bartlett(), "robust": Robust()}
@@ -180,8 +180,16 @@ def _summarise(rows: Sequence[MovingRow]) -> Summary:
                 values = _values(rows, name, f"{estimator}, {variant}", measure)
                 paper = _PAPER.get((name, estimator, variant))
                 head = f"i on a {name}, {estimator}, {variant}"
-                findings.append(Finding(f"{head}: median {word} error", float(np.median(values)), paper, "deg"))
-                findings.append(Finding(f"{head}: below 10 deg", share_below(values, _LIMIT_DEG), None, "%"))
+                findings.append(
+                    Finding(
+                        quantity=f"{head}: median {word} error", ours=float(np.median(values)), paper=paper, unit="deg"
+                    )
+                )
+                findings.append(
+                    Finding(
+                        quantity=f"{head}: below 10 deg", ours=share_below(values, _LIMIT_DEG), paper=None, unit="%"
+                    )
+                )
     return Summary(
         findings,
         [

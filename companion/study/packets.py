@@ -74,7 +74,7 @@ def _plan(settings: Settings) -> list[PacketsCase]:
 def _trial(case: PacketsCase, seed: SeedSequence) -> PacketsRow:
     rng = np.random.default_rng(seed)
     bearing = rng.uniform(-math.pi, math.pi)
-    leg = plan_leg((0.0, 0.0, 1.5), bearing + rng.normal(0.0, 0.3), 1.5, int(rng.choice([-1, 1])), _SHAPE)
+    leg = plan_leg((0.0, 0.0, 1.5), bearing + rng.normal(0.0, 0.3), 1.5, int(rng.choice([-1, 1])), shape=_SHAPE)
     uav = Trajectory(1.0 + leg.t_s, leg.p_local_enu_m, np.zeros(leg.t_s.size))
     beacon_m = np.array([0.0, 0.0, 0.5]) + _DISTANCE_M * direction(bearing, math.pi / 2)
     world = scenario(seed, room(rng, [leg.p_local_enu_m[0], beacon_m], _RADIO))
@@ -85,7 +85,7 @@ def _trial(case: PacketsCase, seed: SeedSequence) -> PacketsRow:
     masks += [(_BURSTY, loss, _bursts(rng, count, loss)) for loss in _LOSSES]
     spacing_m = _SHAPE.length_m / count
     masks += [(_SPARSE, spacing_m * n, np.arange(count) % n == 0) for n in _STRIDES]
-    return PacketsRow([_result(name, value, mask, heard, p_m, beacon_m) for name, value, mask in masks])
+    return PacketsRow([_result(name, value, mask, heard, p_m=p_m, beacon_m=beacon_m) for name, value, mask in masks])
 
 
 def _bursts(rng: np.random.Generator, count: int, loss: float) -> Mask:
@@ -100,7 +100,7 @@ def _bursts(rng: np.random.Generator, count: int, loss: float) -> Mask:
     return kept
 
 
-def _result(name: str, value: float, mask: Mask, heard: Heard, p_m: Array, beacon_m: Array) -> PacketsResult:
+def _result(name: str, value: float, mask: Mask, heard: Heard, *, p_m: Array, beacon_m: Array) -> PacketsResult:
     estimators: dict[str, Estimator] = {"bartlett": Bartlett(), "robust": Robust()}
     errors: dict[str, float | None] = {}
     for key, estimator in estimators.items():
@@ -139,8 +139,17 @@ def _summarise(rows: Sequence[PacketsRow]) -> Summary:
         value = f"{spacing_mm:.1f} mm" if first.condition == _SPARSE else f"{first.value:.0%}"
         for estimator in _ESTIMATORS:
             head = f"{first.condition} {value} ({mean_packets:.0f} packets), {estimator}"
-            findings.append(Finding(f"{head}: below 10 deg", _within(results, estimator), "left open", "%"))
-            findings.append(Finding(f"{head}: median error", _median_deg(results, estimator), "left open", "deg"))
+            findings.append(
+                Finding(quantity=f"{head}: below 10 deg", ours=_within(results, estimator), paper="left open", unit="%")
+            )
+            findings.append(
+                Finding(
+                    quantity=f"{head}: median error",
+                    ours=_median_deg(results, estimator),
+                    paper="left open",
+                    unit="deg",
+                )
+            )
     return Summary(
         findings,
         [
@@ -158,7 +167,7 @@ def _draw(rows: Sequence[PacketsRow], figure: Figure) -> None:
         scale, label = (1e3, "mean spacing [mm]") if name == _SPARSE else (100.0, "share lost [%]")
         x = [scale * float(np.mean([r.value for r in results])) for results in chosen]
         groups = {e: [_within(results, e) for results in chosen] for e in _ESTIMATORS}
-        draw_lines(axes, x, groups, label, "below 10 deg [%]")
+        draw_lines(axes, x, groups, label, ylabel="below 10 deg [%]")
         axes.set(title=name, ylim=(0, 102))
         if name == _SPARSE:
             axes.axvline(250 * wavelength_m(_RADIO.channel), color="0.6", linewidth=0.8)

@@ -53,7 +53,13 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
     limits = config().mission
     start_m = (LEVER_M[0], LEVER_M[1], limits.takeoff_height_m + LEVER_M[2])
     straight_s = straight_flight_s(
-        world, start_m, BEACON_LEVER_M, RENDEZVOUS_M, limits.speed_m_s, limits.acceleration_m_s2, WARM_UP_S
+        world,
+        start_m,
+        BEACON_LEVER_M,
+        RENDEZVOUS_M,
+        speed_m_s=limits.speed_m_s,
+        acceleration_m_s2=limits.acceleration_m_s2,
+        begins_s=WARM_UP_S,
     )
     result = fly(world, own, MAX_TIME_S, case.chooses_motion)
     return MissionRow(

@@ -116,11 +116,21 @@ def _scene_findings(name: str, rows: Sequence[MissionRow]) -> list[Finding]:
     )
     shares = _shares(rows)
     findings = [_percent(f"{name}: {words}", shares[key]) for key, words in zip(_SHARES, says, strict=True)]
-    findings.append(Finding(f"{name}: median time to that", figures["median_time_s"], None, "s"))
-    findings.append(Finding(f"{name}: against straight flight", figures["overhead"], None, "times"))
+    findings.append(
+        Finding(quantity=f"{name}: median time to that", ours=figures["median_time_s"], paper=None, unit="s")
+    )
+    findings.append(
+        Finding(quantity=f"{name}: against straight flight", ours=figures["overhead"], paper=None, unit="times")
+    )
     paper = _PAPER_MEAN_DEG if name == _PAPER_SCENE else None
-    findings.append(Finding(f"{name}: mean AOA error (paper's measure)", figures["aoa_mean_deg"], paper, "deg"))
-    findings.append(Finding(f"{name}: median AOA error", figures["aoa_median_deg"], None, "deg"))
+    findings.append(
+        Finding(
+            quantity=f"{name}: mean AOA error (paper's measure)", ours=figures["aoa_mean_deg"], paper=paper, unit="deg"
+        )
+    )
+    findings.append(
+        Finding(quantity=f"{name}: median AOA error", ours=figures["aoa_median_deg"], paper=None, unit="deg")
+    )
     return findings
 
 
@@ -132,15 +142,21 @@ def _paper_findings(rows: Sequence[MissionRow], papers: Sequence[MissionRow]) ->
     for name, chosen in ((_PAPER_SCENE, papers), ("all", rows)):
         kept = [error for row in chosen for error in sorted(_approach_errors(row))[:-_OUTLIERS]]
         quantity = f"{name}: mean AOA error on the way (paper's measure), each mission without its {_OUTLIERS} worst"
-        findings.append(Finding(quantity, _mean(kept), _PAPER_MEAN_DEG, "deg"))
+        findings.append(Finding(quantity=quantity, ours=_mean(kept), paper=_PAPER_MEAN_DEG, unit="deg"))
     for moving, word in ((False, "stands"), (True, "drives")):
         value = _mean([error for row in rows for error in _approach_errors(row, moving)])
-        findings.append(Finding(f"mean AOA error while the ground robot {word}", value, "no difference", "deg"))
+        findings.append(
+            Finding(
+                quantity=f"mean AOA error while the ground robot {word}", ours=value, paper="no difference", unit="deg"
+            )
+        )
     return findings
 
 
 def _percent(quantity: str, share: Share, paper: str | None = None) -> Finding:
-    return Finding(quantity, 100 * share.value, paper, "%", (100 * share.low, 100 * share.high))
+    return Finding(
+        quantity=quantity, ours=100 * share.value, paper=paper, unit="%", interval=(100 * share.low, 100 * share.high)
+    )
 
 
 _NOTES = (

@@ -18,6 +18,7 @@ def straight_flight_s(
     start_m: Vector3,
     beacon_lever_m: Vector3,
     near_m: float,
+    *,
     speed_m_s: float,
     acceleration_m_s2: float,
     begins_s: float = 0.0,

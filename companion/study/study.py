@@ -18,7 +18,7 @@ R = TypeVar("R")
 Value = float | str | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """One quantity, ours beside the paper's. None: not given."""
 

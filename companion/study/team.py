@@ -95,7 +95,7 @@ def reports(world: TeamWorld, rng: np.random.Generator, *, counts_overlaps: bool
             begun_s = time.process_time()
             state = team.update(now_ns)
             assert state is not None
-            yield _report(moment, first, state, team.relative(now_ns), time.process_time() - begun_s)
+            yield _report(moment, first, state, team.relative(now_ns), update_s=time.process_time() - begun_s)
 
 
 def _ns(t_s: float) -> int:
@@ -120,7 +120,7 @@ def _raw(seen: SeenRobot, counts_overlaps: bool) -> RawSighting:
     )
 
 
-def _report(moment: Moment, first: Moment, state: TeamState, told: Relative, update_s: float) -> TeamReport:
+def _report(moment: Moment, first: Moment, state: TeamState, told: Relative, *, update_s: float) -> TeamReport:
     error = told.state - true_relative(moment)
     error[:, 3] = (error[:, 3] + math.pi) % math.tau - math.pi
     placed = [n for n, member in enumerate(state.members) if member.placed]
@@ -199,22 +199,33 @@ def _summarise(rows: Sequence[TeamRow]) -> Summary:
         places = [one.place_error_m for one in late if one.place_error_m is not None]
         headings = [one.heading_error_deg for one in late if one.heading_error_deg is not None]
         findings += [
-            Finding(f"{condition}: reports whose mean NEES is in its 95 % band", found.share),
+            Finding(quantity=f"{condition}: reports whose mean NEES is in its 95 % band", ours=found.share),
             Finding(
-                f"{condition}: NEES for each degree of freedom, from 10 s", sum(one.nees for one in whole) / degrees
+                quantity=f"{condition}: NEES for each degree of freedom, from 10 s",
+                ours=sum(one.nees for one in whole) / degrees,
             ),
-            Finding(f"{condition}: robots placed, from 30 s", _share(late, group[0].robots - 1)),
-            Finding(f"{condition}: place, median error", _median(places), unit="m"),
-            Finding(f"{condition}: axes, median error", _median(headings), unit="deg"),
-            Finding(f"{condition}: one update, median", 1e3 * (_median([o.update_s for o in late]) or 0.0), unit="ms"),
+            Finding(quantity=f"{condition}: robots placed, from 30 s", ours=_share(late, group[0].robots - 1)),
+            Finding(quantity=f"{condition}: place, median error", ours=_median(places), unit="m"),
+            Finding(quantity=f"{condition}: axes, median error", ours=_median(headings), unit="deg"),
+            Finding(
+                quantity=f"{condition}: one update, median",
+                ours=1e3 * (_median([o.update_s for o in late]) or 0.0),
+                unit="ms",
+            ),
         ]
         if condition == TURNING:
             last = [row.reports[-1] for row in group]
             findings += [
                 Finding(
-                    "one turns: by its poses alone, median", _median([abs(one.turned_deg) for one in last]), unit="deg"
+                    quantity="one turns: by its poses alone, median",
+                    ours=_median([abs(one.turned_deg) for one in last]),
+                    unit="deg",
                 ),
-                Finding("one turns: by the team, median", _median([abs(o.turned_error_deg) for o in last]), unit="deg"),
+                Finding(
+                    quantity="one turns: by the team, median",
+                    ours=_median([abs(o.turned_error_deg) for o in last]),
+                    unit="deg",
+                ),
             ]
     return Summary(findings, ["the paper has no such study; bearings err as the tracker takes them to (docs/team.md)"])
 
@@ -241,7 +252,7 @@ def _draw(rows: Sequence[TeamRow], figure: Figure) -> None:
         found = band(group)
         if condition in (THREE, FIVE):
             left.fill_between(found.t_s, found.low, found.high, color="0.85", label=f"{condition}: 95 % band")
-        draw_lines(left, found.t_s, {condition: found.nees}, "time [s]", "NEES / degrees of freedom")
+        draw_lines(left, found.t_s, {condition: found.nees}, "time [s]", ylabel="NEES / degrees of freedom")
     left.set_yscale("log")
     turning = groups.get(TURNING)
     if turning:
@@ -250,7 +261,7 @@ def _draw(rows: Sequence[TeamRow], figure: Figure) -> None:
             "turned, by its own poses": [_at(turning, k, "turned_deg") for k in range(len(t_s))],
             "misjudged by the team": [_at(turning, k, "turned_error_deg") for k in range(len(t_s))],
         }
-        draw_lines(right, t_s, lines, "time [s]", "axes of one robot, median of absolute values [°]")
+        draw_lines(right, t_s, lines, "time [s]", ylabel="axes of one robot, median of absolute values [°]")
 
 
 def _at(rows: Sequence[TeamRow], index: int, name: str) -> float:

@@ -58,7 +58,7 @@ class CameraDrift:
     polar_deg: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkErrors:
     """|Azimuth error| and |polar error| [deg] of one transmitter; None without an estimate, or where the path does not
     show the polar angle."""
@@ -126,7 +126,7 @@ def _link(link: LinkResult, estimator: str, kind: PoseKind) -> LinkErrors:
         azimuth = abs(math.degrees(float(wrap_angle(link.estimate.azimuth_rad - link.truth.azimuth_rad))))
         if link.estimate.polar_observable:
             polar = abs(math.degrees(link.estimate.polar_rad - link.truth.polar_rad))
-    return LinkErrors(link.name, estimator, str(kind), azimuth, polar)
+    return LinkErrors(tx=link.name, estimator=estimator, poses=str(kind), azimuth_deg=azimuth, polar_deg=polar)
 
 
 def _errors(rows: Sequence[VioRow], estimator: str, kind: str, polar: bool = False) -> list[float]:
@@ -153,15 +153,25 @@ def _summarise(rows: Sequence[VioRow]) -> Summary:
     if drifts:
         ate, length = np.array([d.ate_m for d in drifts]), np.array([d.length_m for d in drifts])
         findings += [
-            Finding("runs with both trajectories", float(len(drifts)), 57.0),
-            Finding("mean ATE of the T265, start aligned", float(ate.mean()), _PAPER["ate"], "m"),
-            Finding("median ATE", float(np.median(ate)), None, "m"),
-            Finding("mean length of path", float(length.mean()), _PAPER["length"], "m"),
-            Finding("mean ATE over length", 100 * float(np.mean(ate / length)), 7.0, "%"),
+            Finding(quantity="runs with both trajectories", ours=float(len(drifts)), paper=57.0),
             Finding(
-                "mean angular drift in azimuth", _mean([d.azimuth_deg for d in drifts]), "more than in polar", "deg"
+                quantity="mean ATE of the T265, start aligned", ours=float(ate.mean()), paper=_PAPER["ate"], unit="m"
             ),
-            Finding("mean angular drift in polar angle", _mean([d.polar_deg for d in drifts]), None, "deg"),
+            Finding(quantity="median ATE", ours=float(np.median(ate)), paper=None, unit="m"),
+            Finding(quantity="mean length of path", ours=float(length.mean()), paper=_PAPER["length"], unit="m"),
+            Finding(quantity="mean ATE over length", ours=100 * float(np.mean(ate / length)), paper=7.0, unit="%"),
+            Finding(
+                quantity="mean angular drift in azimuth",
+                ours=_mean([d.azimuth_deg for d in drifts]),
+                paper="more than in polar",
+                unit="deg",
+            ),
+            Finding(
+                quantity="mean angular drift in polar angle",
+                ours=_mean([d.polar_deg for d in drifts]),
+                paper=None,
+                unit="deg",
+            ),
         ]
     for estimator in _ESTIMATORS:
         for kind in map(str, _KINDS):
@@ -172,18 +182,33 @@ def _summarise(rows: Sequence[VioRow]) -> Summary:
             paper = _PAPER if kind == PoseKind.T265 and estimator == "bartlett" else {}
             count = f"of {len(errors)} links"
             findings.append(
-                Finding(f"{head}: median |phi error| {count}", float(np.median(errors)), paper.get("phi"), "deg")
+                Finding(
+                    quantity=f"{head}: median |phi error| {count}",
+                    ours=float(np.median(errors)),
+                    paper=paper.get("phi"),
+                    unit="deg",
+                )
             )
-            findings.append(Finding(f"{head}: below 10 deg in azimuth", share_below(errors, 10.0), None, "%"))
+            findings.append(
+                Finding(
+                    quantity=f"{head}: below 10 deg in azimuth", ours=share_below(errors, 10.0), paper=None, unit="%"
+                )
+            )
             if polar:
                 quantity = f"{head}: median |theta error| of {len(polar)} links"
-                findings.append(Finding(quantity, float(np.median(polar)), paper.get("theta"), "deg"))
+                findings.append(
+                    Finding(quantity=quantity, ours=float(np.median(polar)), paper=paper.get("theta"), unit="deg")
+                )
         errors_m = _against_ate(rows, estimator)
         if len(errors_m) > _FEW:
             from scipy.stats import spearmanr  # here: a second of imports for all who only want another study
 
             rank = float(spearmanr(*np.array(errors_m).T).statistic)
-            findings.append(Finding(f"{estimator}, t265: rank correlation of ATE and |phi error|", rank, "linear"))
+            findings.append(
+                Finding(
+                    quantity=f"{estimator}, t265: rank correlation of ATE and |phi error|", ours=rank, paper="linear"
+                )
+            )
     problems = [row.problem for row in rows if row.problem]
     return Summary(findings, [*_NOTES, *problems] if findings else problems)
 

@@ -127,7 +127,13 @@ def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motio
 
 async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool) -> MissionResult:
     clock = VirtualClock()
-    world = _World(with_levers(scenario), int(seed.generate_state(2)[1]), clock, max_time_s, chooses_motion)
+    world = _World(
+        scenario=with_levers(scenario),
+        gust_seed=int(seed.generate_state(2)[1]),
+        clock=clock,
+        max_time_s=max_time_s,
+        chooses_motion=chooses_motion,
+    )
     flying = asyncio.create_task(world.flight.run())
     await clock.run(world.live)
     ended_in = world.flight.state  # a flight that is cancelled leaves its state
@@ -142,7 +148,13 @@ class _World:
     """Everything around the flight. Physics goes on in small steps, radio and cameras in batches."""
 
     def __init__(
-        self, scenario: Scenario, gust_seed: int, clock: VirtualClock, max_time_s: float, chooses_motion: bool = False
+        self,
+        *,
+        scenario: Scenario,
+        gust_seed: int,
+        clock: VirtualClock,
+        max_time_s: float,
+        chooses_motion: bool = False,
     ) -> None:
         settings = config()
         # Who knows of a worse camera than a T265 says so.
@@ -158,10 +170,10 @@ class _World:
         self._track, self._drive = VehicleTrack(), BeaconDrive(scenario)
         self._radio = RadioFeed(scenario)
         self._window = SarWindow(
-            settings.pose.antenna_m,
-            wavelength_m(settings.csi.channel),
-            settings.aperture.min_packets,
-            settings.aperture.max_pose_gap_s,
+            antenna_m=settings.pose.antenna_m,
+            wavelength_m=wavelength_m(settings.csi.channel),
+            min_packets=settings.aperture.min_packets,
+            max_pose_gap_s=settings.aperture.max_pose_gap_s,
         )
         receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: (_KEY,)}, clock)
         self._receiver = receiver

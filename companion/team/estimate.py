@@ -133,11 +133,11 @@ class Team:
         steps = [self._tracks[robot].steps(from_ns, to_ns) for robot in self._ids]
         elapsed_s = float(to_ns[0] - from_ns[0]) / NS_PER_S if len(from_ns) else 0.0
         return Between(
-            np.stack([step.moved_m for step in steps], axis=1),
-            np.stack([step.unknown_m for step in steps], axis=1),
-            np.stack([step.length_m for step in steps], axis=1),
-            np.stack([step.is_new_frame for step in steps], axis=1),
-            max(1e-3, elapsed_s),
+            moved_m=np.stack([step.moved_m for step in steps], axis=1),
+            unknown_m=np.stack([step.unknown_m for step in steps], axis=1),
+            length_m=np.stack([step.length_m for step in steps], axis=1),
+            is_new_frame=np.stack([step.is_new_frame for step in steps], axis=1),
+            elapsed_s=max(1e-3, elapsed_s),
         )
 
     def _problem(self) -> Problem:

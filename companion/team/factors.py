@@ -52,7 +52,7 @@ class Sightings:
         return len(self.keyframe)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
     """`residual` (M, 3), `jacobian` (M, 3, 8) by observer's and target's states, `information` (M, 3), the probability
     `direct` (M,) that it is the direct path, `cost`."""
@@ -94,7 +94,7 @@ def look(states: Array, sightings: Sightings) -> Seen:
     jacobian[:, 0, 3] -= 1.0
     jacobian[:, :, 7] = np.einsum("mij,mj->mi", by_v, other_turn)
     information, direct, cost = _weighed(residual, sightings)
-    return Seen(residual, jacobian, information, direct, cost)
+    return Seen(residual=residual, jacobian=jacobian, information=information, direct=direct, cost=cost)
 
 
 def _weighed(residual: Array, sightings: Sightings) -> tuple[Array, Array, float]:

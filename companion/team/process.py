@@ -40,7 +40,7 @@ class TeamProcess:
     """`news` is asked once a second, on the event loop; what comes back is recorded, and shown by `status`."""
 
     def __init__(
-        self, own: int, names: dict[int, str], clock: EventClock, recorder: Recorder, news: Callable[[int], News]
+        self, *, own: int, names: dict[int, str], clock: EventClock, recorder: Recorder, news: Callable[[int], News]
     ) -> None:
         self._own = own
         self._names = names

@@ -49,7 +49,13 @@ class Between(NamedTuple):
     elapsed_s: float
 
     def first(self) -> Between:
-        return Between(self.moved_m[:1], self.unknown_m[:1], self.length_m[:1], self.is_new_frame[:1], self.elapsed_s)
+        return Between(
+            moved_m=self.moved_m[:1],
+            unknown_m=self.unknown_m[:1],
+            length_m=self.length_m[:1],
+            is_new_frame=self.is_new_frame[:1],
+            elapsed_s=self.elapsed_s,
+        )
 
 
 @dataclass(slots=True)

@@ -63,7 +63,7 @@ def _rows(record: FeitRecord) -> Complex:
     return rows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Filling:
     """Positions (N,) of what is missing, and for both neighbours, (2, N): where, with what weight, how far below [in
     indices]. `turn` (S,) undoes the sender's, None where there is none."""
@@ -83,7 +83,7 @@ def _filling(plan: Tones) -> _Filling:
     away = (plan.index[missing] - plan.index[sources]).astype(np.float32)
     weight = np.abs(away[::-1]) / np.abs(away).sum(axis=0)
     turn = plan.turn.conj() if (plan.turn != 1).any() else None
-    return _Filling(turn, missing, sources, weight, away)
+    return _Filling(turn=turn, missing=missing, sources=sources, weight=weight, away=away)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

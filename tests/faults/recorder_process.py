@@ -22,7 +22,13 @@ def main() -> None:
     clock = EventClock(MonotonicClock())
     recorder = McapRecorder(Path(sys.argv[1]), load_config(_CONFIG), clock)
     print("recording", flush=True)
-    pose = Pose(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
+    pose = Pose(
+        t_mono_ns=0,
+        p_enu_m=(1.0, 2.0, 3.0),
+        q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+        v_enu_m_s=(0.0, 0.0, 0.0),
+        confidence=3,
+    )
     position, velocity = (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)
     vehicle = VehicleState(
         t_mono_ns=1, heartbeat_mono_ns=1, mode=FlightMode.OFFBOARD, mode_mono_ns=1, armed=True, in_air=True,

@@ -57,7 +57,9 @@ class Pair:
                 theirs_ns = now_ns - turnaround_ns + OFFSET_NS
                 self.beacon.add_forward(self.frame, now_ns, (now_ns // 1000) & 0xFFFFFFFF)
                 shown = max(1, self.frame + self.rng.randint(-counter_error, counter_error))
-                self.sender.add_channel(shown, theirs_ns, theirs_ns // 1000 & 0xFFFFFFFF, CSI, -50.0, 0)
+                self.sender.add_channel(
+                    shown, theirs_ns, theirs_ns // 1000 & 0xFFFFFFFF, CSI, power_dbm=-50.0, antenna=0
+                )
             sent: list[tuple[NeighbourReceiver, bytes]] = []
             if step % 100 == 99:
                 sent += [(self.receiver, data) for data in self.sender.datagrams(now_ns + OFFSET_NS)]
@@ -136,7 +138,7 @@ def test_fault_24_shifted_counters_are_never_taken_for_a_clock_that_is_right(shi
     pair = Pair()
     pair.frame = 100
     original = pair.sender.add_channel
-    pair.sender.add_channel = lambda frame, *rest: original(frame + shift, *rest)  # type: ignore[method-assign]
+    pair.sender.add_channel = lambda frame, *rest, **more: original(frame + shift, *rest, **more)  # type: ignore[method-assign]
     pair.run(8.0, delay_s=0.001 + jitter_s, jitter_s=jitter_s)
     offset = pair.beacon.relation.offset(pair.clock.now_ns())
     assert offset is not None
@@ -163,7 +165,7 @@ def test_an_echo_every_few_seconds_is_enough() -> None:
     pair = Pair()
     pair.frame = 100
     original, echo = pair.sender.add_channel, pair.sender._echo
-    pair.sender.add_channel = lambda frame, *rest: original(frame - 4, *rest)  # type: ignore[method-assign]
+    pair.sender.add_channel = lambda frame, *rest, **more: original(frame - 4, *rest, **more)  # type: ignore[method-assign]
     turn = iter(range(10_000))
     pair.sender._echo = lambda now_ns: echo(now_ns) if next(turn) % 40 == 0 else None  # type: ignore[method-assign]
     pair.run(3.0)
@@ -178,7 +180,7 @@ def test_a_shift_is_believed_only_where_nobody_says_what_arrives_there() -> None
     pair.frame = 100
     pair.there.neighbours.clear()  # the beacon hears nothing of us
     original = pair.sender.add_channel
-    pair.sender.add_channel = lambda frame, *rest: original(frame - 4, *rest)  # type: ignore[method-assign]
+    pair.sender.add_channel = lambda frame, *rest, **more: original(frame - 4, *rest, **more)  # type: ignore[method-assign]
     pair.run(5.0)
     offset = pair.beacon.relation.offset(pair.clock.now_ns())
     assert offset is not None

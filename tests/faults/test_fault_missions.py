@@ -60,7 +60,7 @@ def flight_with(*faults: Fault, **changes: Any) -> Scenario:
         plain.config.mission, control="fly", limit_s=900.0, setpoints="position", arrival_range_m=2.0
     )
     config = dataclasses.replace(plain.config, mission=dataclasses.replace(mission, **changes))
-    engage = Fault(2.0, "engage", "", 0.0, 0.0)
+    engage = Fault(at_s=2.0, kind="engage", word="", for_s=0.0, size=0.0)
     return dataclasses.replace(
         plain, config=config, faults=tuple(sorted((engage, *faults), key=lambda fault: fault.at_s)),
         starts_in_air=True, asks_again=0, step_ns=50_000_000, rc_loss_act=5, target_enu_m=(8.0, 0.0, 1.0),
@@ -87,7 +87,7 @@ def test_the_same_seed_is_the_same_mission() -> None:
 
 
 def test_a_suspended_host_does_not_take_the_vehicle_back() -> None:
-    trace = fly(flight_with(Fault(5.0, "pause", "suspend", 0.0, 0.8)))
+    trace = fly(flight_with(Fault(at_s=5.0, kind="pause", word="suspend", for_s=0.0, size=0.8)))
     assert promises.violations(trace) == []
     assert trace.of(MissionStep)[-2].event is Event.STALLED
 
@@ -95,10 +95,14 @@ def test_a_suspended_host_does_not_take_the_vehicle_back() -> None:
 def test_red_a_suspended_host_that_nothing_tells_of(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(HostSleep, "seconds", lambda _: 0.0)
     monkeypatch.setattr("companion.autopilot.vehicle_clock._LEAP_NS", 1 << 62)
-    assert "never_taken_back" in broken_by(flight_with(Fault(5.0, "pause", "suspend", 0.0, 0.8)))
+    assert "never_taken_back" in broken_by(
+        flight_with(Fault(at_s=5.0, kind="pause", word="suspend", for_s=0.0, size=0.8))
+    )
 
 
-_WHILE_PREFLIGHT = tuple(Fault(2.0 + 0.05 * i, "pause", "loop", 0.0, 0.45) for i in range(1, 6))
+_WHILE_PREFLIGHT = tuple(
+    Fault(at_s=2.0 + 0.05 * i, kind="pause", word="loop", for_s=0.0, size=0.45) for i in range(1, 6)
+)
 """One of these falls between the preflight's look and the tick that takes its answer."""
 
 
@@ -120,7 +124,7 @@ def test_a_pilot_who_ends_offboard_as_it_is_granted_keeps_the_vehicle(seed: int)
     assert promises.violations(fly(draw(seed))) == []
 
 
-_AS_GRANTED = tuple(Fault(3.0 + 0.05 * i, "pilot", "HOLD", 0.0, 0.0) for i in range(10))
+_AS_GRANTED = tuple(Fault(at_s=3.0 + 0.05 * i, kind="pilot", word="HOLD", for_s=0.0, size=0.0) for i in range(10))
 """One of these falls between the granting of OFFBOARD and the telling of it."""
 
 
@@ -135,7 +139,7 @@ def test_red_an_edge_that_asks_again_for_what_was_granted(monkeypatch: pytest.Mo
 
 def test_red_an_abort_that_leaves_a_granted_engagement(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.flight.course.Course.withdraw", lambda _: None)
-    aborts = [Fault(2.0 + 0.05 * i, "abort", "", 0.0, 0.0) for i in range(1, 5)]
+    aborts = [Fault(at_s=2.0 + 0.05 * i, kind="abort", word="", for_s=0.0, size=0.0) for i in range(1, 5)]
     assert any("abort_ends_it" in broken_by(flight_with(abort)) for abort in aborts)
 
 
@@ -143,27 +147,31 @@ def test_red_a_table_that_stays_when_the_mode_is_lost(monkeypatch: pytest.Monkey
     lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.MODE_LOST}
     monkeypatch.setattr(table, "TABLE", lame)
     monkeypatch.setattr(Gate, "check", _passes_everything)
-    assert {"lost_mode_is_left", "only_in_our_modes"} <= broken_by(flight_with(Fault(6.0, "pilot", "POSCTL", 0.0, 0.0)))
+    assert {"lost_mode_is_left", "only_in_our_modes"} <= broken_by(
+        flight_with(Fault(at_s=6.0, kind="pilot", word="POSCTL", for_s=0.0, size=0.0))
+    )
 
 
 def test_red_a_table_that_goes_on_after_a_stall(monkeypatch: pytest.MonkeyPatch) -> None:
     lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.STALLED}
     monkeypatch.setattr(table, "TABLE", lame)
-    assert "still_stream_is_over" in broken_by(flight_with(Fault(6.1, "pause", "process", 0.0, 0.42)))
+    assert "still_stream_is_over" in broken_by(
+        flight_with(Fault(at_s=6.1, kind="pause", word="process", for_s=0.0, size=0.42))
+    )
 
 
 def test_red_an_end_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     lame = {pair: step for pair, step in table.TABLE.items() if pair[1] is not Event.ABORT}
     monkeypatch.setattr(table, "TABLE", lame)
-    assert "abort_ends_it" in broken_by(flight_with(Fault(6.0, "abort", "", 0.0, 0.0)))
+    assert "abort_ends_it" in broken_by(flight_with(Fault(at_s=6.0, kind="abort", word="", for_s=0.0, size=0.0)))
 
 
 @pytest.mark.parametrize(
     ("event", "fault", "promise"),
     [
-        (Event.LINK_LOST, Fault(6.0, "mute", "heartbeats", 4.0, 0.0), "fresh"),
-        (Event.BATTERY_LOW, Fault(6.0, "battery", "low", 6.0, 0.0), "faults_end_the_stream"),
-        (Event.POSE_LOST, Fault(4.0, "poses", "silent", 12.0, 0.0), "faults_end_the_stream"),
+        (Event.LINK_LOST, Fault(at_s=6.0, kind="mute", word="heartbeats", for_s=4.0, size=0.0), "fresh"),
+        (Event.BATTERY_LOW, Fault(at_s=6.0, kind="battery", word="low", for_s=6.0, size=0.0), "faults_end_the_stream"),
+        (Event.POSE_LOST, Fault(at_s=4.0, kind="poses", word="silent", for_s=12.0, size=0.0), "faults_end_the_stream"),
     ],
 )
 def test_red_a_table_that_does_not_hear_a_fault(
@@ -178,7 +186,7 @@ def test_red_an_end_that_leaves_nobody_in_hold(monkeypatch: pytest.MonkeyPatch) 
     async def nothing(self: object) -> None: ...
 
     monkeypatch.setattr("companion.flight.commands.FlightCommands.leave_at_end", nothing)
-    assert "restart_is_idle" in broken_by(flight_with(Fault(6.0, "stop", "", 0.0, 0.5)))
+    assert "restart_is_idle" in broken_by(flight_with(Fault(at_s=6.0, kind="stop", word="", for_s=0.0, size=0.5)))
 
 
 def test_red_an_abort_that_keeps_streaming_is_not_left_in_hold(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,8 +194,8 @@ def test_red_an_abort_that_keeps_streaming_is_not_left_in_hold(monkeypatch: pyte
 
     monkeypatch.setattr("companion.flight.commands.FlightCommands.hold", nothing)
     # The autopilot's own failsafe flies a second later, and its intention stays OFFBOARD.
-    later = Fault(12.0, "packets", "", 1.0, 0.0)
-    assert "left_in_hold" in broken_by(flight_with(Fault(6.0, "abort", "", 0.0, 0.0), later))
+    later = Fault(at_s=12.0, kind="packets", word="", for_s=1.0, size=0.0)
+    assert "left_in_hold" in broken_by(flight_with(Fault(at_s=6.0, kind="abort", word="", for_s=0.0, size=0.0), later))
 
 
 def test_red_a_gate_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,12 +205,12 @@ def test_red_a_gate_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_red_a_gate_and_a_table_that_do_not_look_at_ages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Gate, "check", _passes_everything)
-    assert "fresh" in broken_by(flight_with(Fault(6.0, "mute", "position", 3.0, 0.0)))
+    assert "fresh" in broken_by(flight_with(Fault(at_s=6.0, kind="mute", word="position", for_s=3.0, size=0.0)))
 
 
 def test_red_a_preflight_that_passes_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.flight.engagement.readiness_problems", lambda *_: [])
-    assert "preflight_holds" in broken_by(flight_with(Fault(0.5, "clock", "", 5.0, 0.0)))
+    assert "preflight_holds" in broken_by(flight_with(Fault(at_s=0.5, kind="clock", word="", for_s=5.0, size=0.0)))
 
 
 @pytest.mark.parametrize("seed", [41944, 312802])
@@ -217,7 +225,7 @@ def test_what_has_been_armed_needs_no_checks(seed: int) -> None:
     assert promises.violations(fly(draw(seed))) == []
 
 
-_CHECKS_FAIL = Fault(0.0, "checks", "accel_missing", 30.0, 0.0)
+_CHECKS_FAIL = Fault(at_s=0.0, kind="checks", word="accel_missing", for_s=30.0, size=0.0)
 
 
 def on_the_ground(*faults: Fault) -> Scenario:
@@ -250,7 +258,7 @@ def test_red_a_service_that_engages_itself(monkeypatch: pytest.MonkeyPatch) -> N
         real(self, now_ns, slept_s)
 
     monkeypatch.setattr(Flight, "tick", eager)
-    scenario = dataclasses.replace(flight_with(), faults=(Fault(8.0, "jump", "", 0.0, 0.0),))
+    scenario = dataclasses.replace(flight_with(), faults=(Fault(at_s=8.0, kind="jump", word="", for_s=0.0, size=0.0),))
     assert "person_engages" in broken_by(scenario)
 
 
@@ -274,7 +282,9 @@ def test_red_a_loop_that_sends_twice(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_red_a_mode_that_is_asked_for_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("companion.autopilot.mavsdk_edge.MavsdkAutopilot._set_mode.__defaults__", (9.0,))
     monkeypatch.setattr("companion.autopilot.mavsdk_edge.MavsdkAutopilot._command.__defaults__", (9.0,))
-    assert "asked_for_3_s" in broken_by(flight_with(Fault(2.2, "offboard", "silent", 15.0, 0.0)))
+    assert "asked_for_3_s" in broken_by(
+        flight_with(Fault(at_s=2.2, kind="offboard", word="silent", for_s=15.0, size=0.0))
+    )
 
 
 def test_red_a_flight_that_raises(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -288,7 +298,11 @@ def test_red_a_flight_that_raises(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_red_a_latch_that_is_left_by_a_bearing(monkeypatch: pytest.MonkeyPatch) -> None:
     open_latch = {**table.TABLE, (State.LATCHED, Event.BEARING_STALE): (State.IDLE, ())}
     monkeypatch.setattr(table, "TABLE", open_latch)
-    faults = Fault(6.0, "abort", "", 0.0, 0.0), Fault(6.5, "packets", "", 6.0, 0.0), Fault(14.0, "jump", "", 0.0, 0.0)
+    faults = (
+        Fault(at_s=6.0, kind="abort", word="", for_s=0.0, size=0.0),
+        Fault(at_s=6.5, kind="packets", word="", for_s=6.0, size=0.0),
+        Fault(at_s=14.0, kind="jump", word="", for_s=0.0, size=0.0),
+    )
     assert "latched_until_engaged" in broken_by(flight_with(*faults))
 
 
@@ -297,7 +311,7 @@ def test_red_a_switch_that_engages_as_it_stands(monkeypatch: pytest.MonkeyPatch)
         return Event.ENGAGE if rc_us else None
 
     monkeypatch.setattr(RcSwitch, "update", standing)
-    scenario = flight_with(Fault(9.0, "jump", "", 0.0, 0.0))
+    scenario = flight_with(Fault(at_s=9.0, kind="jump", word="", for_s=0.0, size=0.0))
     autopilot = dataclasses.replace(scenario.config.autopilot, engage_rc_channel=7)  # type: ignore[type-var]
     config = dataclasses.replace(scenario.config, autopilot=autopilot)
     faults = tuple(fault for fault in scenario.faults if fault.kind != "engage")

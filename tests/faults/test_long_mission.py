@@ -36,6 +36,7 @@ from companion.sim.stage import set_stage
 from csi_bridge.records import SUBCARRIERS
 from tests.faults.campaigns import runs
 from tests.faults.figures import record
+from tests.level_pose import level_pose
 from tests.manual_clock import ManualClock
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
@@ -186,7 +187,12 @@ class _Service:
         self.recorder = McapRecorder(uav.path(uav.recorder.path), uav, clock)
         aperture = uav.aperture
         wavelength = wavelength_m(uav.csi.channel)
-        window = SarWindow(uav.pose.antenna_m, wavelength, aperture.min_packets, aperture.max_pose_gap_s)
+        window = SarWindow(
+            antenna_m=uav.pose.antenna_m,
+            wavelength_m=wavelength,
+            min_packets=aperture.min_packets,
+            max_pose_gap_s=aperture.max_pose_gap_s,
+        )
         self.node = Node(uav, clock, self.recorder, LiveInputs(uav))
         self.node.poses.connect(window.add_pose)
         self.beacon = Node(stage.beacon, clock, self.recorder, LiveInputs(stage.beacon))
@@ -224,9 +230,8 @@ class _Service:
 
     def _sense(self) -> None:
         now_ns, airframe = self.clock.now_ns(), self.autopilot.commander.airframe
-        level = (1.0, 0.0, 0.0, 0.0)
-        self.node.intake.take(Pose(now_ns, airframe.p_enu_m, level, airframe.v_enu_m_s, 3))
-        self.beacon.intake.take(Pose(now_ns, (50.0, 0.0, 0.5), level, (0.0, 0.0, 0.0), 3))
+        self.node.intake.take(level_pose(now_ns, airframe.p_enu_m, airframe.v_enu_m_s))
+        self.beacon.intake.take(level_pose(now_ns, (50.0, 0.0, 0.5)))
         nic_us = now_ns // 1000 & 0xFFFFFFFF
         csi = np.zeros((SUBCARRIERS, ANTENNAS), np.complex64)
         csi[:, 0] = 10 + 10j
@@ -234,7 +239,7 @@ class _Service:
         self.node.samples.give(
             ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, channel=csi, power_dbm=-50.0)
         )
-        self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
+        self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], power_dbm=-50.0, antenna=0)
 
 
 def _resident_mib() -> float:

@@ -39,7 +39,13 @@ class Card:
         self.source = NetlinkSource(idx, require_kernel_sender=False, receive_buffer_bytes=receive_buffer_bytes)
         self.feeder = NetlinkFeeder(idx)
         self.samples: list[ChannelSample] = []
-        self.radio = Radio(self.source, {MAC: 2}, self.clock, self.samples.append, lambda *_: None)
+        self.radio = Radio(
+            source=self.source,
+            peers={MAC: 2},
+            clock=self.clock,
+            on_sample=self.samples.append,
+            on_record=lambda *_: None,
+        )
         self.count = 65_000  # wraps soon
         self.stamp_us = 4_294_000_000
 
@@ -138,7 +144,7 @@ async def _silenced(state: State) -> _Silenced:
     hold."""
     clock = VirtualClock()
     scene = replace(scenario(np.random.SeedSequence(3), RadioScenario(reflectors=())), start_distance_m=12.0)
-    world = _World(with_levers(scene), 3, clock, 120.0)
+    world = _World(scenario=with_levers(scene), gust_seed=3, clock=clock, max_time_s=120.0)
     in_state_ns = last_ns = stale_ns = holding_ns = 0
     held_m: list[Vector3] = []
 
@@ -192,7 +198,7 @@ def test_layout_34_and_40_mhz_and_stock_records_are_told_apart() -> None:
         (CSI_CODE, encode_body(record(n_tx=2))),
         (0x42, b"of another kind"),
     ])  # fmt: skip
-    radio = Radio(tape, {MAC: 2}, clock, samples.append, lambda *_: None)
+    radio = Radio(source=tape, peers={MAC: 2}, clock=clock, on_sample=samples.append, on_record=lambda *_: None)
     radio.drain()
     counters = radio.counters
     assert (counters.records, counters.samples, counters.no_sender, counters.wide) == (4, 2, 1, 1)

@@ -28,7 +28,7 @@ async def flight(
 ) -> AsyncIterator[VirtualFlight]:
     monkeypatch.setattr(virtual_flight, "set_stage", _stage)
     monkeypatch.setattr(virtual_flight, "VirtualVehicle", functools.partial(VirtualVehicle, vehicle="rover"))
-    flown = VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps=False)
+    flown = VirtualFlight(directory=tmp_path_factory.mktemp("v"), out=tmp_path, monkeypatch=monkeypatch, gps=False)
     try:
         async with flown.flight._commands:
             await flown.run(2.0)

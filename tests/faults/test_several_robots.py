@@ -61,7 +61,7 @@ class _TwoRobots(VirtualFlight):
     def __init__(self, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(virtual_flight, "set_stage", _stage)
         monkeypatch.setattr(virtual_flight, "_Worker", _TrueWorker)
-        super().__init__(directory, out, monkeypatch)
+        super().__init__(directory=directory, out=out, monkeypatch=monkeypatch)
         assert isinstance(self.worker, _TrueWorker)
         self.worker.flight = self
         self.second = NeighbourSender(
@@ -93,7 +93,7 @@ class _TwoRobots(VirtualFlight):
                 peer=_SECOND, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, channel=csi, power_dbm=-50.0
             )
         )
-        self.second.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
+        self.second.add_channel(self._frame, now_ns, nic_us, csi[:, 0], power_dbm=-50.0, antenna=0)
 
     def away_m(self, peer: int) -> float:
         return math.dist(self.px4.commander.airframe.p_enu_m, _PLACES_M[peer])

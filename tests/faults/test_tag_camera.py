@@ -53,7 +53,7 @@ class _WithCamera(VirtualFlight):
     def __init__(self, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(virtual_flight, "set_stage", _stage)
         monkeypatch.setattr(virtual_flight, "_Worker", _TrueWorker)
-        super().__init__(directory, out, monkeypatch)
+        super().__init__(directory=directory, out=out, monkeypatch=monkeypatch)
         assert isinstance(self.worker, _TrueWorker)
         self.worker.flight = self
         self.sees = False

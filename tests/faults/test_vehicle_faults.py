@@ -22,7 +22,14 @@ Start = Callable[..., VirtualFlight]
 @pytest.fixture
 def start(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Start:
     def begin(gps: bool = True, clock_rate: float = 1.0, **parameters: int | float) -> VirtualFlight:
-        return VirtualFlight(tmp_path_factory.mktemp("v"), tmp_path, monkeypatch, gps, clock_rate, **parameters)
+        return VirtualFlight(
+            directory=tmp_path_factory.mktemp("v"),
+            out=tmp_path,
+            monkeypatch=monkeypatch,
+            gps=gps,
+            clock_rate=clock_rate,
+            **parameters,
+        )
 
     return begin
 

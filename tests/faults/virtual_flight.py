@@ -15,7 +15,7 @@ import pytest
 from companion.autopilot import mavsdk_edge
 from companion.core.clock import NS_PER_S
 from companion.core.event_clock import EventClock
-from companion.core.messages import Pose, Setpoint, Vector3, VehicleState
+from companion.core.messages import Setpoint, Vector3, VehicleState
 from companion.log.recorder import McapRecorder
 from companion.mission.table import State
 from companion.radio.card import ANTENNAS, ChannelSample
@@ -27,6 +27,7 @@ from companion.sim.px4.report import Px4Report
 from companion.sim.stage import set_stage
 from csi_bridge.records import SUBCARRIERS
 from tests.faults.test_long_mission import _Clock, _Worker
+from tests.level_pose import level_pose
 from tests.unit.companion.autopilot.virtual_vehicle import VirtualVehicle
 
 GPS_DENIED: dict[str, int | float] = {
@@ -34,14 +35,13 @@ GPS_DENIED: dict[str, int | float] = {
 }  # fmt: skip
 _GOOD: dict[str, int | float] = {"COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "RTL_RETURN_ALT": 3.0}
 _POSES_PER_TICK = 5
-_LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 class VirtualFlight:
     """Moved on by `run`; `pose_offset_m` is how far the tracker's frame is from where it began."""
 
     def __init__(
-        self, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch, gps: bool = True,
+        self, *, directory: Path, out: Path, monkeypatch: pytest.MonkeyPatch, gps: bool = True,
         clock_rate: float = 1.0, **parameters: int | float,
     ) -> None:  # fmt: skip
         """`parameters` of the vehicle, over those that the preflight accepts; `clock_rate` is its clock's to ours."""
@@ -148,8 +148,8 @@ class VirtualFlight:
         now_ns, airframe = self.clock.now_ns(), self.px4.commander.airframe
         if self.has_poses:
             x, y, z = (p + o for p, o in zip(airframe.p_enu_m, self.pose_offset_m, strict=True))
-            self.uav.node.intake.take(Pose(now_ns, (x, y, z), _LEVEL, airframe.v_enu_m_s, 3))
-        self.beacon.intake.take(Pose(now_ns, (50.0, 0.0, 0.5), _LEVEL, (0.0, 0.0, 0.0), 3))
+            self.uav.node.intake.take(level_pose(now_ns, (x, y, z), airframe.v_enu_m_s))
+        self.beacon.intake.take(level_pose(now_ns, (50.0, 0.0, 0.5)))
         if not self.is_heard:
             return
         nic_us = now_ns // 1000 & 0xFFFFFFFF
@@ -160,7 +160,7 @@ class VirtualFlight:
         self.uav.node.samples.give(
             ChannelSample(peer=2, frame=self._frame, t_mono_ns=now_ns, nic_us=nic_us, channel=csi, power_dbm=-50.0)
         )
-        self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], -50.0, 0)
+        self.beacon.sender.add_channel(self._frame, now_ns, nic_us, csi[:, 0], power_dbm=-50.0, antenna=0)
 
 
 def noted_setpoints(flight: VirtualFlight, monkeypatch: pytest.MonkeyPatch) -> list[Setpoint]:

@@ -33,7 +33,7 @@ class _Changed(Session):
         for message in kept:
             if not shift and message.topic == TICK.topic and message.log_time_ns > end_ns - 2_500_000_000:
                 now_ns = message.log_time_ns - self.wall_minus_mono_ns
-                wish = Wish(now_ns, Event.RETARGET, "", target=_SECOND)
+                wish = Wish(t_mono_ns=now_ns, wish=Event.RETARGET, refusal="", target=_SECOND)
                 yield LoggedMessage(
                     topic=WISH.topic, log_time_ns=message.log_time_ns, data=msgspec.json.encode(wish),
                     sequence=message.sequence,

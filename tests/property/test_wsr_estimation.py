@@ -57,8 +57,8 @@ def test_information_is_symmetric_not_negative_and_less_without_the_phase(
 ) -> None:
     rng = np.random.default_rng(seed)
     chi, variance = rng.normal(size=(30, 3)), rng.uniform(0.01, 1, 30)
-    known = fim(chi, WAVELENGTH_M, azimuth, polar, variance, "known")
-    unknown = fim(chi, WAVELENGTH_M, azimuth, polar, variance)
+    known = fim(chi, WAVELENGTH_M, azimuth, polar, phase_variance_rad2=variance, phase="known")
+    unknown = fim(chi, WAVELENGTH_M, azimuth, polar, phase_variance_rad2=variance)
     np.testing.assert_allclose(known, known.T)
     scale = float(np.trace(known))
     assert np.linalg.eigvalsh(unknown).min() >= -1e-9 * scale

@@ -199,7 +199,7 @@ async def flying(
         tak = TakConfig(enabled=beside, address="127.0.0.1", port=_free_udp_port(), period_s=0.5)
         team, live = TeamConfig(enabled=beside), foxglove or stage.uav.foxglove
         stage = replace(stage, uav=replace(stage.uav, foxglove=live, team=team, tak=tak))
-        stage = _with_camera(stage, mission, real_url, autopilot or {}, page)
+        stage = _with_camera(stage, mission, real_url, autopilot or {}, page=page)
         with (
             bind_datagram_socket(stage.truth_socket) as truths,
             bind_datagram_socket(stage.directory / "px4-reply.sock") as reports,
@@ -224,7 +224,7 @@ def _free_udp_port() -> int:
 
 
 def _with_camera(
-    stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any], page: PageConfig | None
+    stage: Stage, mission: dict[str, Any], real_url: str, autopilot: dict[str, Any], *, page: PageConfig | None
 ) -> Stage:
     directory = stage.directory
     lens = directory / "camera.sock"

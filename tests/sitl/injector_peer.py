@@ -200,7 +200,9 @@ def datagrams() -> None:
             sender.add_pose(t_ns, (1e-3 * step, 5e-4 * step, 1e-4 * step), 3)
         if step * 150 // 1000 != (step + 1) * 150 // 1000:  # every coefficient of such a channel needs all its bits
             csi = (rng.normal(size=30) + 1j * rng.normal(size=30)).astype(np.complex64) * 30
-            sender.add_channel(step, t_ns, 7 * step * step % 997 + 1000 * step, csi, -50 - step % 7, 0)
+            sender.add_channel(
+                step, t_ns, 7 * step * step % 997 + 1000 * step, csi, power_dbm=-50 - step % 7, antenna=0
+            )
         if step % 100 == 99:
             for data in sender.datagrams(t_ns):
                 link.send(data)

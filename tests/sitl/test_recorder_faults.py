@@ -63,8 +63,8 @@ def test_fault_25_every_truncated_prefix_opens(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     part = open_part(path, {"role": "uav", "config": "{}"}, "zstd", 65536)
     for number in range(12):
-        part.write(CSI, number, number, number, b"\xbb" + number.to_bytes(4, "little"), 0.0)
-        part.write(TICK, number, number, number, Tick(number), 0.0)
+        part.write(CSI, number, number, number, message=b"\xbb" + number.to_bytes(4, "little"), taken_s=0.0)
+        part.write(TICK, number, number, number, message=Tick(number), taken_s=0.0)
         if number % 3 == 2:
             part.end_chunk()
     part.finish()

@@ -48,6 +48,7 @@ def fim(
     wavelength_m: float,
     azimuth_rad: float,
     polar_rad: float,
+    *,
     phase_variance_rad2: ArrayLike = 1.0,
     phase: Phase = "unknown",
     round_trip: bool = True,
@@ -57,7 +58,7 @@ def fim(
     `chi_m` (M, 3) in metres; `phase_variance_rad2` a scalar or (M,), of the product: s_f^2 / (2 |h_f|^2) +
     s_r^2 / (2 |h_r|^2). Without `round_trip` the channel is one-way and the scale 2 pi / lambda, as the paper has it.
     """
-    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip=round_trip)
     rows = whitened @ _tangent(azimuth_rad, polar_rad).T * np.array([math.sin(polar_rad), 1.0])
     return np.asarray(rows.T @ rows)
 
@@ -67,6 +68,7 @@ def crb(
     wavelength_m: float,
     azimuth_rad: float,
     polar_rad: float,
+    *,
     phase_variance_rad2: ArrayLike = 1.0,
     phase: Phase = "unknown",
     round_trip: bool = True,
@@ -77,7 +79,7 @@ def crb(
     a finite bound only if its own axis has no part along that direction. So a straight aperture gives infinity but
     for the sources where one axis lies exactly across it.
     """
-    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip=round_trip)
     rows = whitened @ _tangent(azimuth_rad, polar_rad).T
     values, axes = np.linalg.svd(rows, full_matrices=False)[1:]
     if rows.shape[0] < 2:
@@ -100,6 +102,7 @@ def whitened_positions(
     wavelength_m: float,
     phase_variance_rad2: ArrayLike = 1.0,
     phase: Phase = "unknown",
+    *,
     round_trip: bool = True,
 ) -> Array:
     """Positions (M, 3) in radians of phase over the phase deviation, about their weighted mean if the phase is unknown.

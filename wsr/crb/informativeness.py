@@ -53,7 +53,7 @@ def _tangents(prior: Prior) -> tuple[Array, Array]:
     return tangents(prior.azimuth_rad, prior.polar_rad)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """Great-circle bounds [rad^2] over a prior: the worst and where it is, and what `share` stay below."""
 
@@ -89,11 +89,11 @@ def spread(factor: Array, prior: Prior, share: float = _SHARE) -> Spread:
     reached = np.cumsum(prior.weight[order])
     at = min(int(np.searchsorted(reached, share * reached[-1])), bounds.size - 1)
     return Spread(
-        float(bounds[worst]),
-        float(prior.azimuth_rad[worst]),
-        float(prior.polar_rad[worst]),
-        float(bounds[order[at]]),
-        share,
+        worst_rad2=float(bounds[worst]),
+        worst_azimuth_rad=float(prior.azimuth_rad[worst]),
+        worst_polar_rad=float(prior.polar_rad[worst]),
+        percentile_rad2=float(bounds[order[at]]),
+        share=share,
     )
 
 

@@ -40,13 +40,14 @@ def scatter_factor(
     wavelength_m: float,
     phase_variance_rad2: ArrayLike = 1.0,
     phase: Phase = "unknown",
+    *,
     round_trip: bool = True,
 ) -> Array:
     """R (3, 3) in radians of phase per unit of direction, over the phase deviation; from chi_m (M, 3) in metres.
 
     `phase_variance_rad2` is a scalar or (M,). `phase` and `round_trip` as in `wsr.crb.fim`.
     """
-    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip)
+    whitened = whitened_positions(chi_m, wavelength_m, phase_variance_rad2, phase, round_trip=round_trip)
     factor = np.asarray(np.linalg.qr(whitened, mode="r"), np.float64)
     return np.vstack([factor, np.zeros((3 - factor.shape[0], 3))])
 

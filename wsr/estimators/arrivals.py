@@ -58,6 +58,7 @@ def arrivals(
     options: RobustOptions,
     parts: SubApertures,
     x_m: Array,
+    *,
     focus: Focus,
     level: bool,
     first: Peak,
@@ -93,7 +94,14 @@ def arrivals(
     power = power / max(_energy(h), float(power.sum()), 1e-300)
     relative = power / max(float(power.max()), 1e-300)
     others = [
-        Peak(float(angles(u)[0]), float(angles(u)[1]), float(p), float(r), relief * float(p), width)
+        Peak(
+            azimuth_rad=float(angles(u)[0]),
+            polar_rad=float(angles(u)[1]),
+            power=float(p),
+            relative_power=float(r),
+            prominence=relief * float(p),
+            width_rad=width,
+        )
         for u, p, r, relief, width in zip(taken, power, relative, reliefs, widths, strict=True)
     ][1:]
     own = replace(first, power=float(power[0]), relative_power=float(relative[0]))
@@ -140,7 +148,7 @@ def _energy(values: Complex) -> float:
 
 def _held(x_m: Array, left: Complex, wave_m: float) -> dict[int, SubApertures]:
     """What is left, in the form that `score` takes, cut into each of the numbers of parts it is looked at in."""
-    whole = sub_apertures(x_m, left, np.zeros(len(left), np.int64), wave_m, (1,))
+    whole = sub_apertures(x_m, left, np.zeros(len(left), np.int64), wave_m, scales=(1,))
     cut = {number: _cut_up(len(left), number) for number in {_LOOK_PARTS, *(n for n, _ in _CLIMB)}}
     return {number: replace(whole, cuts=cuts, pieces=pieces) for number, (cuts, pieces) in cut.items()}
 

@@ -52,7 +52,7 @@ class Bartlett:
             rival=_astray((best, *rivals)),
             length_wavelengths=2 * aperture.extents_m[0] / aperture.wavelength_m,
         )
-        estimate = describe(aperture, channel, best, image, rivals, evidence)
+        estimate = describe(aperture, channel, best, image, others=rivals, evidence=evidence)
         x, y, z = (float(v) for v in np.array(aperture.reference_p_m) + aperture.chi_m[0])
         estimate = replace(estimate, reference_p_m=(x, y, z), reference_t_s=float(aperture.t_s[0]))
         return _with_offset(estimate, aperture.chi_m[0]), profile

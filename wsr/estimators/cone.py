@@ -36,6 +36,7 @@ def on_cone(
     aperture: Aperture,
     places_m: Array,
     variance_rad2: float,
+    *,
     wavelength_m: float,
     model_rad: float,
 ) -> AoaEstimate:

@@ -31,6 +31,7 @@ def describe(
     channel: NDArray[np.complex128],
     best: Peak,
     mirror: Peak | None,
+    *,
     others: tuple[Peak, ...],
     evidence: Evidence | None = None,
 ) -> AoaEstimate:
@@ -43,7 +44,7 @@ def describe(
     rivals = without_image(others, best, mirror)
     residual = _residual_phase(aperture, channel, best)
     variance = phase_variance(residual)
-    limit = crb(aperture.chi_m, aperture.wavelength_m, best.azimuth_rad, best.polar_rad, variance)
+    limit = crb(aperture.chi_m, aperture.wavelength_m, best.azimuth_rad, best.polar_rad, phase_variance_rad2=variance)
     azimuth_observable, polar_observable = _observable(aperture, best, mirror, limit)
     inflation = time_correlation(residual)
     coherence = math.sqrt(min(best.power, 1.0))
@@ -76,7 +77,14 @@ def describe(
     )
     if aperture.dimension > 1:
         return estimate
-    return on_cone(estimate, aperture, aperture.chi_m, variance * inflation, aperture.wavelength_m / 2, model_rad)
+    return on_cone(
+        estimate,
+        aperture,
+        aperture.chi_m,
+        variance * inflation,
+        wavelength_m=aperture.wavelength_m / 2,
+        model_rad=model_rad,
+    )
 
 
 def without_image(others: tuple[Peak, ...], best: Peak, mirror: Peak | None) -> tuple[Peak, ...]:

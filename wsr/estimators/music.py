@@ -124,7 +124,7 @@ class Music:
             length_wavelengths=aperture.extents_m[0] / wave_m,
         )
         channel = bounded_amplitude(aperture.channel)
-        estimate = describe(aperture, channel, best, mirror, peaks[1:], evidence)
+        estimate = describe(aperture, channel, best, mirror, others=peaks[1:], evidence=evidence)
         power = best.power * np.exp(distance.min() - distance)
         reference_p_m, reference_t_s = _reference(aperture, bins)
         return replace(
@@ -139,13 +139,17 @@ class Music:
         field = one_way_field(aperture) * turn[:, None]
         wave = aperture.wavelength_m
         sign, keep, segment = chain(
-            field, aperture.t_s, aperture.chi_m, ChainLimits(wave / 3, wave / 12, gate=False), aperture.grid
+            field, aperture.t_s, aperture.chi_m, ChainLimits(wave / 3, wave / 12, gate=False), grid=aperture.grid
         )
         field = field * sign[:, None]
         for rank in range(1, self.max_sources + 1):
             # Each time from the start: what was fitted to fewer responses is a bad place to fit more from.
             bins = path_bins(
-                aperture.chi_m, aligned(field, rank, keep, aperture.grid.k), keep, segment, self.bin_wavelengths * wave
+                aperture.chi_m,
+                aligned(field, rank, keep, aperture.grid.k),
+                keep,
+                segment,
+                length_m=self.bin_wavelengths * wave,
             )
             if np.bincount(bins.segment).max() < MIN_PLACES:
                 return None
@@ -159,7 +163,7 @@ class Music:
         wave = aperture.wavelength_m / 2
         channel = bounded_amplitude(aperture.channel)[:, None]
         keep, segment = np.ones(aperture.packets, np.bool_), np.zeros(aperture.packets, np.int64)
-        bins = path_bins(aperture.chi_m, channel, keep, segment, self.bin_wavelengths * wave)
+        bins = path_bins(aperture.chi_m, channel, keep, segment, length_m=self.bin_wavelengths * wave)
         return bins, cut(bins, self.elements, wave), 1
 
     def _peaks(self, stretches: list[Stretch], sources: int, distance: Array) -> tuple[Peak, ...]:

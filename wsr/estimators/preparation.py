@@ -69,10 +69,12 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
         grid = known(1) if by_delay else aperture.grid
         if by_delay and aperture.half_turns:
             # The four roots, told by one path alone: where echoes fade, all together do not tell them.
-            quarters, fits, number = chain_quarters(channel[used], clock_s[used], aperture.chi_m[used], limits, grid)
+            quarters, fits, number = chain_quarters(
+                channel[used], clock_s[used], aperture.chi_m[used], limits, grid=grid
+            )
             channel[used] *= np.power(1j, quarters)[:, None].astype(np.complex64)
         else:
-            signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits, grid)
+            signs, fits, number = chain(channel[used], clock_s[used], aperture.chi_m[used], limits, grid=grid)
             sign[used] = signs
         keep[used] = fits
         segment[used] = number
@@ -86,7 +88,7 @@ def prepare(aperture: Aperture, options: RobustOptions) -> Prepared:
     channel = _levelled(channel, sign * counted_amplitude(amplitude, options))
     _check_kept(aperture, keep)
     length_m = options.bin_wavelengths * aperture.wavelength_m if options.path_bins else None
-    bins = path_bins(aperture.chi_m, channel, keep, segment, length_m)
+    bins = path_bins(aperture.chi_m, channel, keep, segment, length_m=length_m)
     unfit = aperture.packets - int(np.count_nonzero(keep)) - disagree
     dropped = {"ends disagree": disagree, "phase step": unfit}
     return Prepared(

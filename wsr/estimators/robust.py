@@ -81,7 +81,7 @@ class Robust:
         else:
             profile = look_profile(found.look)
             paths = find_peaks(profile, _PATHS)
-        return _described(aperture, prepared, found, paths, self.options), profile
+        return _described(aperture, prepared, found, paths, options=self.options), profile
 
 
 def find(prepared: Prepared, options: RobustOptions) -> Found:
@@ -96,7 +96,14 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
         # What is left of height there is the tracker's drift.
         x = x - np.outer(x @ axes[2], axes[2])
     fused = sub_apertures(
-        x, bins.channel, bins.segment, wavelength_m, options.scales, options.resign, options.power_share, prepared.grid
+        x,
+        bins.channel,
+        bins.segment,
+        wavelength_m,
+        scales=options.scales,
+        resign=options.resign,
+        share=options.power_share,
+        grid=prepared.grid,
     )
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
 
@@ -110,16 +117,18 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     seen = searched(lean)
     beam_rad = wavelength_m / float(extents[0])
     bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
-    focus = _climbed(lean, seen, bounds, beam_rad, options)
+    focus = _climbed(lean, seen, bounds, beam_rad, options=options)
     drift, left = None, matched(fused, x, bins.segment, focus)
     if options.drift and (level or not flat) and time_correlation(np.angle(left)) > _TREND:
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
-        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m, beam_rad, bounds)
+        drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m=ranges_m, beam_rad=beam_rad, bounds=bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
         seen, left = searched(fused.condensed()), matched(fused, x, bins.segment, focus)
     if not level and focus.coherence > options.coherent_above:
-        focus = most_likely(fused, x, bins.segment, bins.counts, focus, None if drift is None else drift.tau)
+        focus = most_likely(
+            fused, x, bins.segment, bins.counts, focus=focus, nuisance=None if drift is None else drift.tau
+        )
         left = matched(fused, x, bins.segment, focus)
     sizes = float(extents[0]), float(extents[1]), float(extents[2])
     return Found(
@@ -134,7 +143,7 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     )
 
 
-def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, options: RobustOptions) -> Focus:
+def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, *, options: RobustOptions) -> Focus:
     """The best of the maxima above the highest cell of each range.
 
     A coarse cell of the wrong range can be the highest, and its climb end on a side lobe. Maxima are compared by their
@@ -150,8 +159,8 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, o
         start = float(seen.azimuth_rad[at]), float(seen.polar_rad[at]), seen.ranges_m[r]
         found.append(
             refine(
-                fused, start, seen.peak, options.step_rad, beam_rad, bounds, options.delay_ns, options.coherent_above,
-                options.refine_steps,
+                fused, start, seen.peak, options.step_rad, beam_rad=beam_rad, bounds=bounds,
+                delay_ns=options.delay_ns, coherent_above=options.coherent_above, steps=options.refine_steps,
             )
         )  # fmt: skip
     best = max(found, key=lambda focus: focus.coherence)
@@ -189,7 +198,7 @@ def _elsewhere(seen: Look, focus: Focus) -> tuple[float, float]:
 
 
 def _described(
-    aperture: Aperture, prepared: Prepared, found: Found, peaks: tuple[Peak, ...], options: RobustOptions
+    aperture: Aperture, prepared: Prepared, found: Found, peaks: tuple[Peak, ...], *, options: RobustOptions
 ) -> AoaEstimate:
     focus, dimension, residual = found.focus, aperture.dimension, found.residual_rad
     inverse = bound(
@@ -197,9 +206,9 @@ def _described(
         prepared.wavelength_m,
         focus.azimuth_rad,
         focus.polar_rad,
-        focus.range_m,
-        found.level,
-        None if found.drift is None else found.drift.tau,
+        range_m=focus.range_m,
+        level=found.level,
+        nuisance=None if found.drift is None else found.drift.tau,
     )
     if dimension == 1:
         inverse = np.diag(np.full(3, math.inf))
@@ -248,21 +257,32 @@ def _described(
         range_m=range_m if range_ok else None,
         range_std_m=range_std,
         range_observable=range_ok,
-        paths=arrivals(prepared, options, found.parts, found.x_m, focus, found.level, best, _PATHS),
+        paths=arrivals(
+            prepared, options, found.parts, found.x_m, focus=focus, level=found.level, first=best, count=_PATHS
+        ),
         dropped=prepared.dropped,
         drift_turns=0.0 if found.drift is None else found.drift.turns,
     )
     if dimension > 1:
         return estimate
     noise = phase_variance(residual) * inflation
-    return on_cone(estimate, aperture, found.x_m, noise, prepared.wavelength_m, model_error_rad(evidence))
+    return on_cone(
+        estimate, aperture, found.x_m, noise, wavelength_m=prepared.wavelength_m, model_rad=model_error_rad(evidence)
+    )
 
 
 def _reported(focus: Focus, paths: tuple[Peak, ...]) -> Peak:
     """The highest peak of the look, moved to where the refinement found it."""
     top = paths[0]
     azimuth = float(wrap_angle(focus.azimuth_rad))
-    return Peak(azimuth, focus.polar_rad, focus.coherence, 1.0, top.prominence, top.width_rad)
+    return Peak(
+        azimuth_rad=azimuth,
+        polar_rad=focus.polar_rad,
+        power=focus.coherence,
+        relative_power=1.0,
+        prominence=top.prominence,
+        width_rad=top.width_rad,
+    )
 
 
 def _great_circle(unit: Array, polar_rad: float, level: bool) -> float:

@@ -70,7 +70,14 @@ class Px4:
         airframe = RoverFrame(yaw_enu_rad, gusts) if drives else Airframe(AirframeLimits(), yaw_enu_rad, gusts)
         self.commander = Commander(airframe, now_ns, parameters, drift_m)
         clock = PowerUpClock(now_ns, _UP_S, clock_rate)
-        self.link = Px4Link(self.commander, now_ns, clock, system_id, _KINDS[kind], signing_key)
+        self.link = Px4Link(
+            commander=self.commander,
+            now_ns=now_ns,
+            clock=clock,
+            system_id=system_id,
+            kind=_KINDS[kind],
+            signing_key=signing_key,
+        )
         self.strangers: list[Px4] = []
         """Other vehicles on the same link."""
         self._now_ns = now_ns
@@ -204,6 +211,7 @@ class Runner:
 
     def __init__(
         self,
+        *,
         px4: Px4,
         connect: tuple[str, int],
         rate_hz: float,
@@ -375,7 +383,7 @@ def main(
         system_id=system_id, kind=kind, clock_rate=clock_rate, drift_m=drift_m, vehicle=vehicle,
         signing_key=None if signing_key is None else read_signing_key(signing_key),
     )  # fmt: skip
-    runner = Runner(px4, connect, rate, truth_path, control, ground)
+    runner = Runner(px4=px4, connect=connect, rate_hz=rate, truth=truth_path, control=control, ground=ground)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: runner.stop())
     try:

@@ -34,6 +34,7 @@ class Px4Link:
 
     def __init__(
         self,
+        *,
         commander: Commander,
         now_ns: int,
         clock: PowerUpClock | None = None,
@@ -69,7 +70,7 @@ class Px4Link:
             self._mav.signing.secret_key = signing_key
             self._mav.signing.sign_outgoing = True
             self._mav.signing.timestamp = round((time.time() - 1_420_070_400) * 1e5)
-        self.streams = Streams(commander, self.clock, self._mav, kind, now_ns)
+        self.streams = Streams(commander=commander, clock=self.clock, mav=self._mav, kind=kind, now_ns=now_ns)
         self._arming = ArmingReports(commander, self.clock, self._mav)
 
     def write(self, frame: bytes) -> None:

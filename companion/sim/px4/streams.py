@@ -59,7 +59,7 @@ _FIRST_HEARTBEAT_NS = NS_PER_S // 2
 class Streams:
     """What is due when, and each message. `batteries` are remaining shares by id; None is told as unknown (-1)."""
 
-    def __init__(self, commander: Commander, clock: PowerUpClock, mav: Any, kind: int, now_ns: int) -> None:
+    def __init__(self, *, commander: Commander, clock: PowerUpClock, mav: Any, kind: int, now_ns: int) -> None:
         self._commander = commander
         self._clock = clock
         self._mav = mav

@@ -142,13 +142,25 @@ class Service:
             offered, state = setpoint(fields, now_ns), self.flight.state
             frame = getattr(self.flight, "_frame", None)
             ground_m = 0.0 if frame is None else frame.ground_m
-            entries.append(Sent(now_ns, offered, told, state, really, places, ground_m))
+            entries.append(
+                Sent(
+                    t_ns=now_ns,
+                    setpoint=offered,
+                    told=told,
+                    state=state,
+                    really=really,
+                    places=places,
+                    ground_m=ground_m,
+                )
+            )
         elif name == "COMMAND_LONG" and fields["command"] in (22, 176, 400):
             wanted = None
             if fields["command"] == 176:
                 wanted = next(m for m in Mode if m.value == (fields["param2"], fields["param3"]))
             what = {22: "takeoff", 176: "mode", 400: "arm" if fields["param1"] else "disarm"}[fields["command"]]
-            entries.append(Asked(now_ns, what, wanted, self.edge.state(), self.flight.state))
+            entries.append(
+                Asked(t_ns=now_ns, what=what, wanted=wanted, told=self.edge.state(), state=self.flight.state)
+            )
 
 
 class World:
@@ -238,9 +250,10 @@ class World:
             self._flew_ns = now_ns
         self.trace.entries.append(
             Ticked(
-                now_ns, told, service.flight.state, commander.mode, commander.intention,
-                commander.armed, (now_ns - self._pose_ns) / NS_PER_S, (now_ns - self._packet_ns) / NS_PER_S,
-                (now_ns - self._datagram_ns) / NS_PER_S, ready,
+                t_ns=now_ns, told=told, state=service.flight.state, really=commander.mode,
+                intention=commander.intention, armed=commander.armed, pose_silent_s=(now_ns - self._pose_ns) / NS_PER_S,
+                packet_s=(now_ns - self._packet_ns) / NS_PER_S, datagram_s=(now_ns - self._datagram_ns) / NS_PER_S,
+                ready=ready,
             )
         )  # fmt: skip
 
@@ -276,10 +289,22 @@ class World:
                 x, y, z = (p + o for p, o in zip(true.p_enu_m, self.offset_m, strict=True))
                 x = math.nan if word == "nan" else x
                 confidence = {"failed": 0, "low": 1}.get(word, true.confidence)
-                pose = Pose(true.t_mono_ns, (x, y, z), true.q_enu_from_body, true.v_enu_m_s, confidence)
+                pose = Pose(
+                    t_mono_ns=true.t_mono_ns,
+                    p_enu_m=(x, y, z),
+                    q_enu_from_body=true.q_enu_from_body,
+                    v_enu_m_s=true.v_enu_m_s,
+                    confidence=confidence,
+                )
             if word == "frozen" and self._frozen is not None:
                 old = self._frozen
-                pose = Pose(true.t_mono_ns, old.p_enu_m, old.q_enu_from_body, old.v_enu_m_s, 3)
+                pose = Pose(
+                    t_mono_ns=true.t_mono_ns,
+                    p_enu_m=old.p_enu_m,
+                    q_enu_from_body=old.q_enu_from_body,
+                    v_enu_m_s=old.v_enu_m_s,
+                    confidence=3,
+                )
             self._frozen = pose
             if word not in ("nan", "failed"):
                 self._pose_ns = true.t_mono_ns

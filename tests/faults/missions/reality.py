@@ -148,10 +148,10 @@ class RealSenses:
         config, clock = world.scenario.config, world.clock
         self._clock = clock
         self.window = SarWindow(
-            config.pose.antenna_m,
-            wavelength_m(config.csi.channel),
-            config.aperture.min_packets,
-            config.aperture.max_pose_gap_s,
+            antenna_m=config.pose.antenna_m,
+            wavelength_m=wavelength_m(config.csi.channel),
+            min_packets=config.aperture.min_packets,
+            max_pose_gap_s=config.aperture.max_pose_gap_s,
         )
         self.receiver = NeighbourReceiver(UAV_ID, {BEACON_ID: "beacon"}, {BEACON_ID: (_KEY,)}, clock)
         self.neighbours = self.receiver.neighbours

@@ -52,7 +52,7 @@ _CHECKS: Final = ("high_accel_bias", "accel_missing", "usb_connected", "global_p
 _KINDS: Final = tuple(kind for kind in _WORDS for _ in range(_OFTEN.get(kind, 1)))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """`kind` and `word` as in the tables above; `size` is a number that the kind scales as it needs it (0..1)."""
 
@@ -85,9 +85,9 @@ def draw(seed: int) -> Scenario:
     has_switch = rng.random() < 0.4
     last_s = rng.choice(_LAST_S)
     faults = [_fault(rng, last_s) for _ in range(rng.choice((0, 1, 1, 2, 2, 3, 4, 6)))]
-    faults.append(Fault(_READY_S + 0.5 * rng.random(), "engage", "", 0.0, 0.0))
+    faults.append(Fault(at_s=_READY_S + 0.5 * rng.random(), kind="engage", word="", for_s=0.0, size=0.0))
     if has_switch:
-        faults += [Fault(_READY_S + 3.0 * rng.random(), "switch", "", 0.0, 0.0)]
+        faults += [Fault(at_s=_READY_S + 3.0 * rng.random(), kind="switch", word="", for_s=0.0, size=0.0)]
     bearing_rad, range_m = rng.uniform(-math.pi, math.pi), rng.uniform(2.0, 8.0)
     config = _config(rng, has_switch)
     is_near = seed % _NEAR_EVERY == _NEAR_EVERY - 1
@@ -117,7 +117,9 @@ def _fault(rng: random.Random, last_s: float) -> Fault:
     kind = rng.choice(_KINDS)
     low_s, high_s = DURATIONS_S.get(kind, (0.0, 0.0))
     for_s = low_s * (high_s / low_s) ** rng.random() if low_s else 0.0
-    return Fault(rng.uniform(0.3, last_s), kind, rng.choice(_WORDS[kind]), for_s, rng.random())
+    return Fault(
+        at_s=rng.uniform(0.3, last_s), kind=kind, word=rng.choice(_WORDS[kind]), for_s=for_s, size=rng.random()
+    )
 
 
 def _checks(seed: int) -> tuple[list[Fault], bool]:
@@ -128,7 +130,9 @@ def _checks(seed: int) -> tuple[list[Fault], bool]:
     found = []
     for _ in range(rng.choice((1, 1, 2, 3))):
         at_s = rng.uniform(0.0, rng.choice((2.0, 2.0, 8.0, 20.0)))
-        found.append(Fault(at_s, "checks", rng.choice(_CHECKS), 0.1 * 150.0 ** rng.random(), 0.0))
+        found.append(
+            Fault(at_s=at_s, kind="checks", word=rng.choice(_CHECKS), for_s=0.1 * 150.0 ** rng.random(), size=0.0)
+        )
     return found, rng.random() < 0.3
 
 

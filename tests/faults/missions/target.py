@@ -23,11 +23,11 @@ from companion.sensing.worker_wire import AoaResult
 from companion.study.virtual_parts import BEACON_ID
 from tests.faults.missions.port import Around, Started
 from tests.faults.missions.timeless import MissionClock
+from tests.level_pose import level_pose
 from wsr.aoa import AoaEstimate
 from wsr.aperture import Aperture
 
 _BOOT = 1
-_LEVEL = (1.0, 0.0, 0.0, 0.0)
 _NO_CSI = np.zeros((30, 3), np.complex64)
 _ORIGIN_M: Vector3 = (3.0, -2.0, 0.4)
 """The target counts its own poses from here."""
@@ -138,7 +138,10 @@ class DrawnSenses:
         now_ns, airframe = world.clock.t_ns, world.vehicle.airframe
         self.window.note(airframe.estimated_p_enu_m)
         p_m, v_m_s = airframe.p_enu_m, airframe.v_enu_m_s
-        world.give_poses(service, [Pose(now_ns - ago_ns, p_m, _LEVEL, v_m_s, 3) for ago_ns in self._poses_ago_ns])
+        world.give_poses(
+            service,
+            [level_pose(now_ns - ago_ns, p_m, v_m_s) for ago_ns in self._poses_ago_ns],
+        )
         if not world.lasts("packets"):
             service.flight.knowledge.heard(
                 ChannelSample(peer=BEACON_ID, frame=None, t_mono_ns=now_ns, nic_us=0, channel=_NO_CSI, power_dbm=-50.0)

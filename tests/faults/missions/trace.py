@@ -13,7 +13,9 @@ from companion.sim.px4.commander import Mode
 from tests.faults.missions.scenario import Fault, Scenario
 
 
-@dataclass(slots=True)  # thousands of them, by nobody changed: what is frozen takes five times as long to make
+@dataclass(
+    slots=True, kw_only=True
+)  # thousands of them, by nobody changed: what is frozen takes five times as long to make
 class Ticked:
     """The loop ticked: what it was told of the vehicle then, and what really was."""
 
@@ -31,7 +33,7 @@ class Ticked:
     """Worker, recorder, clock relation, estimator, arming checks: whether each is as it should be."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Sent:
     """A set point left, whether it arrived or not."""
 
@@ -46,7 +48,7 @@ class Sent:
     """Up from which heights are counted."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
     """A command left: arming, takeoff or a mode (`wanted`)."""
 

@@ -56,7 +56,16 @@ async def test_what_both_ends_tell_each_other(px4: Px4Process, port: int) -> Non
             await edge.set_parameter(name, value)
             assert await edge.parameter(name) == value == px4.report().parameters[name]
         for count in range(40):
-            edge.send_odometry(Pose(_CLOCK.now_ns(), (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3), count)
+            edge.send_odometry(
+                Pose(
+                    t_mono_ns=_CLOCK.now_ns(),
+                    p_enu_m=(1.0, 2.0, 3.0),
+                    q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                    v_enu_m_s=(0.0, 0.0, 0.0),
+                    confidence=3,
+                ),
+                count,
+            )
             await asyncio.sleep(0.025)
         state, report, events = edge.state(), px4.report(), edge.take_events()
         assert report.vision == 40 and report.onboard_statuses >= 1

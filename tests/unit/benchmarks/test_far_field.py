@@ -74,7 +74,7 @@ def test_moving_ends_use_the_relative_displacement() -> None:
     p_j = far(p_i, SOME_DIRECTION) + np.stack([0.3 * t, -0.2 * t**2, 0.1 * np.sin(4 * t)], axis=-1)
     channel = round_trip(p_i, p_j, 0.3)
     reported_j = p_j - [100.0, 200.0, 300.0]  # the other end has an origin of its own
-    estimate, _ = FarField().estimate(make_aperture(t, p_i, channel, WAVELENGTH_M, reported_j))
+    estimate, _ = FarField().estimate(make_aperture(t, p_i, channel, WAVELENGTH_M, p_j_m=reported_j))
     # The truth is between the mean positions, which the reference point stands for.
     assert _error_deg(estimate, SOME_DIRECTION) < 0.1
     blind, _ = FarField().estimate(make_aperture(t, p_i, channel, WAVELENGTH_M))

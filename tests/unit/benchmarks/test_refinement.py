@@ -20,7 +20,9 @@ def test_refined_peak_is_exact_between_grid_points(azimuth_deg: float, polar_deg
     _, p = weave()
     chi, g = p - p.mean(axis=0), round_trip(p, far(p, u, 1e7))
     grid_peak = find_peaks(bartlett_profile(chi, g, WAVELENGTH_M), 1)[0]
-    azimuth, polar, power = refine_peak(chi, g, WAVELENGTH_M, grid_peak.azimuth_rad, grid_peak.polar_rad)
+    azimuth, polar, power = refine_peak(
+        chi, g, WAVELENGTH_M, azimuth_rad=grid_peak.azimuth_rad, polar_rad=grid_peak.polar_rad
+    )
     assert math.degrees(great_circle(direction(azimuth, polar), u)) < 1e-3
     assert power == pytest.approx(1.0, abs=1e-6)
     assert grid_peak.power < power
@@ -34,7 +36,7 @@ def test_refined_power_is_the_profile_at_that_point_and_never_lower_than_the_sta
     rng = np.random.default_rng(0)
     chi, g = scale * (p - p.mean(axis=0)), np.exp(1j * rng.uniform(-3, 3, 200))
     for azimuth0, polar0 in rng.uniform([-3, 0.2], [3, 2.9], size=(20, 2)):
-        azimuth, polar, power = refine_peak(chi, g, WAVELENGTH_M, azimuth0, polar0)
+        azimuth, polar, power = refine_peak(chi, g, WAVELENGTH_M, azimuth_rad=azimuth0, polar_rad=polar0)
         assert power == pytest.approx(_power(chi, g, azimuth, polar), rel=1e-9)
         assert power >= _power(chi, g, azimuth0, polar0)
         near = 1e-4 / scale
@@ -46,7 +48,7 @@ def test_refinement_stays_on_a_ridge() -> None:
     """A straight aperture says nothing across itself: the start may not drift along the ridge."""
     chi = np.linspace(-0.5, 0.5, 200)[:, None] * np.array([1.0, 0.0, 0.0])
     g = np.exp(4j * np.pi / WAVELENGTH_M * chi @ direction(1.0, math.pi / 2))
-    azimuth, polar, _ = refine_peak(chi, g, WAVELENGTH_M, 1.004, math.pi / 2 + 0.01)
+    azimuth, polar, _ = refine_peak(chi, g, WAVELENGTH_M, azimuth_rad=1.004, polar_rad=math.pi / 2 + 0.01)
     assert math.degrees(abs(polar - math.pi / 2)) < 1.0
     assert math.acos(direction(azimuth, polar)[0]) == pytest.approx(1.0, abs=1e-5)
 

@@ -41,7 +41,7 @@ def _log(path: Path, metadata: Mapping[str, str], data: bytes | None = None) -> 
         writer = LogWriter(file, metadata)
         for number, stream in enumerate(STREAMS if data is not None else ()):
             assert data is not None
-            writer.copy(stream.topic, stream.encoding, ("", "", b""), (number, number), number, data)
+            writer.copy(stream.topic, stream.encoding, ("", "", b""), (number, number), sequence=number, data=data)
         writer.finish()
 
 
@@ -52,10 +52,10 @@ def _outlying(path: Path) -> None:
 
     with path.open("wb") as file:
         writer = LogWriter(file, _METADATA)
-        writer.copy("/csi", "raw", ("", "", b""), (1, 1), 0, b"\xbb")
+        writer.copy("/csi", "raw", ("", "", b""), (1, 1), sequence=0, data=b"\xbb")
         for message in LogScan(GOLDEN[0]):
             copy(writer, message)
-        writer.copy("/csi", "raw", ("", "", b""), (1 << 63, 1 << 63), 0, b"\xbb")
+        writer.copy("/csi", "raw", ("", "", b""), (1 << 63, 1 << 63), sequence=0, data=b"\xbb")
         writer.finish()
 
 

@@ -67,7 +67,7 @@ def test_refusals_name_quantity_and_limit() -> None:
     with pytest.raises(ApertureError, match="p_i_m is not finite in 1 packets"):
         make_aperture(t, broken, g, 0.05)
     with pytest.raises(ApertureError, match="p_j_m is not finite in 1 packets"):
-        make_aperture(t, p, g, 0.05, broken)
+        make_aperture(t, p, g, 0.05, p_j_m=broken)
     with pytest.raises(ApertureError, match=r"spans 0\.000 m; needs at least 0\.100 m"):
         make_aperture(t, np.ones((50, 3)), g, 0.05)
     with pytest.raises(ApertureError, match=r"chi_m reaches 1\.\d+e\+155 m"):

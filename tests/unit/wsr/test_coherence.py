@@ -28,7 +28,7 @@ def spread_deg(noise_rad: float, half_turns: bool, offset_hz: float = 9_000.0) -
     # Clock and carrier run off one crystal: the other end's is lower by the offset.
     nic_us = np.stack([ping_us + turnaround_us, ping_us * (1 - offset_hz * WAVELENGTH_M / 299_792_458.0)], axis=1)
     forward, reverse = ends[1].astype(np.complex64), ends[0].astype(np.complex64)
-    return math.degrees(rest_spread_rad(forward, reverse, nic_us, WAVELENGTH_M, ON, half_turns))
+    return math.degrees(rest_spread_rad(forward, reverse, nic_us, WAVELENGTH_M, grid=ON, half_turns=half_turns))
 
 
 @pytest.mark.parametrize("half_turns", [False, True])

@@ -36,7 +36,7 @@ def _one_way_mean(chi: Array, theta: float, phi: float) -> tuple[float, float, f
 
 def _peak(chi: Array, g: NDArray[np.complex128], wavelength_m: float = WAVELENGTH_M) -> tuple[Array, float]:
     found = find_peaks(bartlett_profile(chi, g, wavelength_m), 1)[0]
-    azimuth, polar, power = refine_peak(chi, g, wavelength_m, found.azimuth_rad, found.polar_rad)
+    azimuth, polar, power = refine_peak(chi, g, wavelength_m, azimuth_rad=found.azimuth_rad, polar_rad=found.polar_rad)
     return direction(azimuth, polar), power
 
 

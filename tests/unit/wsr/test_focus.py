@@ -21,7 +21,7 @@ def _parts(p: Array, range_m: float) -> SubApertures:
     """Of one subcarrier and no noise; the source is seen from the middle of the path."""
     d = np.linalg.norm(p.mean(axis=0) + range_m * direction(*AT) - p, axis=1)
     wave = np.exp(-2j * np.pi / WAVELENGTH_M * d)[:, None]
-    return sub_apertures(p, wave, np.zeros(len(p), np.int64), WAVELENGTH_M, (1, 2, 4))
+    return sub_apertures(p, wave, np.zeros(len(p), np.int64), WAVELENGTH_M, scales=(1, 2, 4))
 
 
 def _off_rad(azimuth_rad: float, polar_rad: float) -> float:

@@ -16,7 +16,7 @@ _SEGMENT = np.repeat([0, 1], [120, 80]).astype(np.int64)
 
 def test_bins_are_means_of_the_packets_that_were_kept() -> None:
     keep = _RNG.uniform(size=200) < 0.8
-    bins = path_bins(_P_M, _H, keep, _SEGMENT, 0.01)
+    bins = path_bins(_P_M, _H, keep, _SEGMENT, length_m=0.01)
     assert bins.counts.sum() == keep.sum()
     assert (bins.weights[~keep] == 0).all() and bins.weights.sum() == pytest.approx(len(bins.counts))
     used = np.flatnonzero(keep)
@@ -30,18 +30,20 @@ def test_bins_are_means_of_the_packets_that_were_kept() -> None:
 
 
 def test_a_mean_of_any_value_is_over_the_same_packets() -> None:
-    bins = path_bins(_P_M, _H, np.ones(200, bool), _SEGMENT, 0.02)
+    bins = path_bins(_P_M, _H, np.ones(200, bool), _SEGMENT, length_m=0.02)
     assert bins.means(_X_M) == pytest.approx(bins.p_m[:, 0])
 
 
 def test_without_a_length_each_packet_is_a_bin() -> None:
     keep = np.arange(200) % 3 != 0
-    bins = path_bins(_P_M, _H, keep, _SEGMENT, None)
+    bins = path_bins(_P_M, _H, keep, _SEGMENT, length_m=None)
     assert (bins.counts == 1).all() and len(bins.counts) == keep.sum()
     assert bins.p_m == pytest.approx(_P_M[keep])
 
 
 def test_a_robot_that_stands_is_one_bin_however_many_packets_it_sent() -> None:
     standing = np.concatenate([np.zeros((500, 3)), _P_M])
-    bins = path_bins(standing, np.ones((700, 1), np.complex64), np.ones(700, bool), np.zeros(700, np.int64), 0.005)
+    bins = path_bins(
+        standing, np.ones((700, 1), np.complex64), np.ones(700, bool), np.zeros(700, np.int64), length_m=0.005
+    )
     assert bins.counts[0] >= 500 and bins.counts[1:].max() < 20

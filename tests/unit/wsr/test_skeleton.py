@@ -78,8 +78,8 @@ def test_the_peak_stays_within_a_hundredth_of_a_degree() -> None:
     g = _channel(p_m, "echoes")
     fewer, weights, _ = condensed(p_m * (2.0 / WAVELENGTH_M), g[:, None])
     azimuth, polar = math.atan2(3.0, 4.0), math.radians(100.0)
-    a = refine_peak(p_m, g, WAVELENGTH_M, azimuth, polar)
-    b = refine_peak(fewer * (WAVELENGTH_M / 2.0), weights[:, 0], WAVELENGTH_M, azimuth, polar)
+    a = refine_peak(p_m, g, WAVELENGTH_M, azimuth_rad=azimuth, polar_rad=polar)
+    b = refine_peak(fewer * (WAVELENGTH_M / 2.0), weights[:, 0], WAVELENGTH_M, azimuth_rad=azimuth, polar_rad=polar)
     assert great_circle(direction(a[0], a[1]), direction(b[0], b[1])) < math.radians(0.01)
 
 

@@ -23,7 +23,7 @@ def test_every_scale_has_its_number_of_equal_parts(bins: int, breaks: tuple[int,
     rng = np.random.default_rng(bins)
     p_m = np.cumsum(rng.normal(size=(bins, 3)), axis=0)
     segment = np.searchsorted([at for at in breaks if at < bins], np.arange(bins), "right")
-    parts = sub_apertures(p_m, np.ones((bins, 1), np.complex128), segment, 0.05, SCALES)
+    parts = sub_apertures(p_m, np.ones((bins, 1), np.complex128), segment, 0.05, scales=SCALES)
     for scale, number in enumerate(SCALES):
         mine = parts.pieces[parts.pieces[:, 0] == scale]
         sizes = [int(mine[mine[:, 1] == part, 4].sum()) for part in range(number)]
@@ -46,7 +46,7 @@ def _parts(p_m: NDArray[np.float64], segment: NDArray[np.int64] | None = None) -
     waves = np.exp(-2j * math.pi * d_m[..., None] * (1.0 / WAVELENGTH_M + GRID_5300.hz / 299_792_458.0))
     channel = waves[:, 0] + 0.5 * waves[:, 1]
     where = np.zeros(len(p_m), np.int64) if segment is None else segment
-    return sub_apertures(p_m, channel, where, WAVELENGTH_M, SCALES, resign=False, share=0.99, grid=GRID_5300)
+    return sub_apertures(p_m, channel, where, WAVELENGTH_M, scales=SCALES, resign=False, share=0.99, grid=GRID_5300)
 
 
 RANGES_M = (2.0, 7.0, 30.0, None)

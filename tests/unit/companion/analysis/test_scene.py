@@ -33,7 +33,7 @@ def _scene(found: Run, options: Options | None = None) -> tuple[RunScene, list[s
     problems: list[str] = []
     assert found.rx is not None
     truth, _ = truth_of(found)
-    scene = read_scene(found, found.rx, PoseKind.MOCAP, options or Options(), truth, problems)
+    scene = read_scene(found, found.rx, PoseKind.MOCAP, options or Options(), truth=truth, problems=problems)
     return scene, problems
 
 

@@ -39,7 +39,7 @@ async def test_a_library_is_never_destroyed_while_it_opens_and_nobody_waits_for_
     library = _Library()
     monkeypatch.setattr(mavsdk, "Mavsdk", lambda *_: library)
     monkeypatch.setattr(mavsdk_link, "_CLOSE_TIMEOUT_S", 0.05)
-    link = MavsdkLink("udpin://127.0.0.1:0", (), lambda *_: None)
+    link = MavsdkLink(url="udpin://127.0.0.1:0", names=(), on_message=lambda *_: None)
     opening = asyncio.create_task(link.open(10.0))
     await asyncio.to_thread(library.opening.wait, 30)
     opening.cancel()
@@ -56,4 +56,4 @@ async def test_no_library_is_made_for_a_device_that_is_not_there(
 ) -> None:
     monkeypatch.delattr(mavsdk, "Mavsdk")
     with pytest.raises(AutopilotError, match="there is no device"):
-        await MavsdkLink(f"serial://{tmp_path}/ttyS1:921600", (), lambda *_: None).open(1.0)
+        await MavsdkLink(url=f"serial://{tmp_path}/ttyS1:921600", names=(), on_message=lambda *_: None).open(1.0)

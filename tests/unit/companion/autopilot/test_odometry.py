@@ -15,7 +15,7 @@ _EAST = (1.0, 0.0, 0.0, 0.0)
 
 
 def _pose(q: tuple[float, ...] = _EAST, v: tuple[float, float, float] = (0.5, 0.0, 0.1), confidence: int = 3) -> Pose:
-    return Pose(7_000_001_000, (1.0, 2.0, 3.0), q, v, confidence)  # type: ignore[arg-type]
+    return Pose(t_mono_ns=7_000_001_000, p_enu_m=(1.0, 2.0, 3.0), q_enu_from_body=q, v_enu_m_s=v, confidence=confidence)  # type: ignore[arg-type]
 
 
 def test_to_the_autopilot_in_local_ned_and_body_frd() -> None:

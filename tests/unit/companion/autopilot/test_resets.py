@@ -12,7 +12,9 @@ _STEP_NS = 20_000_000
 
 
 def _pose(t_s: float, p_m: Vector3) -> Pose:
-    return Pose(round(t_s * 1e9), p_m, (1.0, 0.0, 0.0, 0.0), _V, 3)
+    return Pose(
+        t_mono_ns=round(t_s * 1e9), p_enu_m=p_m, q_enu_from_body=(1.0, 0.0, 0.0, 0.0), v_enu_m_s=_V, confidence=3
+    )
 
 
 def _moved(t_s: float, by_m: Vector3 = (0.0, 0.0, 0.0)) -> Pose:
@@ -35,9 +37,24 @@ def test_what_motion_does_not_explain_is_the_resets() -> None:
 @pytest.mark.parametrize(("step_m", "kept"), [(0.09, False), (0.1, False), (0.11, True), (-0.5, True)])
 def test_a_step_within_the_noise_is_of_something_else(step_m: float, kept: bool) -> None:
     resets = PositionResets()
-    still = Pose(0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
+    still = Pose(
+        t_mono_ns=0,
+        p_enu_m=(0.0, 0.0, 0.0),
+        q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+        v_enu_m_s=(0.0, 0.0, 0.0),
+        confidence=3,
+    )
     resets.take(still, 0)
-    assert resets.take(Pose(_STEP_NS, (step_m, 0.0, 0.0), still.q_enu_from_body, still.v_enu_m_s, 3), 1)
+    assert resets.take(
+        Pose(
+            t_mono_ns=_STEP_NS,
+            p_enu_m=(step_m, 0.0, 0.0),
+            q_enu_from_body=still.q_enu_from_body,
+            v_enu_m_s=still.v_enu_m_s,
+            confidence=3,
+        ),
+        1,
+    )
     assert resets.count == 1 and resets.offset_enu_m == ((step_m, 0.0, 0.0) if kept else (0.0, 0.0, 0.0))
 
 

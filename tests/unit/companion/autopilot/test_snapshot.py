@@ -10,8 +10,8 @@ from companion.autopilot.snapshot import SnapshotAutopilot
 from companion.core.event_clock import EventClock
 from companion.core.messages import VehicleState
 from companion.core.streams import VEHICLE
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
-from tests.unit.companion.flight.kept import Kept
 
 
 class _Moving:

@@ -83,7 +83,16 @@ class VirtualVehicle:
     def _send_pose(self, age_s: float) -> None:
         t_ns = self.clock.now_ns() - round(age_s * NS_PER_S)
         place = self.px4.commander.airframe.p_enu_m
-        self.edge.send_odometry(Pose(t_ns, place, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3), 0)
+        self.edge.send_odometry(
+            Pose(
+                t_mono_ns=t_ns,
+                p_enu_m=place,
+                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                v_enu_m_s=(0.0, 0.0, 0.0),
+                confidence=3,
+            ),
+            0,
+        )
 
     def _flush(self) -> None:
         while self._to_px4:

@@ -35,7 +35,13 @@ def test_a_lens_that_bends_is_allowed_for() -> None:
     """A distortion that moves the corners moves the place where it is not configured, and is taken back where it is."""
     view = View(distance_m=1.0, aside=(0.5, 0.5))
     image = tag_image(view, OURS, np.random.default_rng(1))
-    bent = TagDetector("tag36h11", {OURS: SIZE_M}, SIZE_M, MATRIX, (0.3, 0.0, 0.0, 0.0, 0.0))
+    bent = TagDetector(
+        family="tag36h11",
+        sizes_m={OURS: SIZE_M},
+        other_size_m=SIZE_M,
+        matrix=MATRIX,
+        distortion=(0.3, 0.0, 0.0, 0.0, 0.0),
+    )
     straight = detector()
     places = [np.array(one.detect(image)[0].p_camera_m) for one in (straight, bent)]
     assert np.linalg.norm(places[0] - tag_place(view)) < 0.01 < np.linalg.norm(places[1] - places[0])

@@ -40,13 +40,21 @@ def test_a_link_is_told_in_degrees_above_the_horizon_and_what_is_not_known_by_a_
 
 
 def test_sets_without_an_error_have_dashes_and_failures_are_counted() -> None:
-    table = summary_table([SetSummary("LOS", 3, 4, 1.24, 2.0, 0.75), SetSummary("NLOS", 0, 2, None, None, None)])
+    table = summary_table(
+        [
+            SetSummary(name="LOS", links=3, of_links=4, median_deg=1.24, mean_deg=2.0, share_below_10_deg=0.75),
+            SetSummary(name="NLOS", links=0, of_links=2, median_deg=None, mean_deg=None, share_below_10_deg=None),
+        ]
+    )
     los, nlos = _rows(table)[-2:]
     assert los[1:-1] == ["LOS", "3 of 4", "1.2°", "2.0°", "75%"]
     assert nlos[1:-1] == ["NLOS", "0 of 2", "-", "-", "-"]
 
 
 def test_figures_may_be_a_share_of_others() -> None:
-    few, all_ = {"LOS": Figures(2, 1.0, 1.5, 2.0, 1.0)}, {"LOS": Figures(5, 2.0, 3.0, 9.0, 0.8)}
+    few, all_ = (
+        {"LOS": Figures(n=2, median_deg=1.0, mean_deg=1.5, p90_deg=2.0, within_10=1.0)},
+        {"LOS": Figures(n=5, median_deg=2.0, mean_deg=3.0, p90_deg=9.0, within_10=0.8)},
+    )
     assert _rows(figures_table("t", few))[-1][1:-1] == ["LOS", "2", "1.00°", "1.50°", "2.0°", "100%"]
     assert _rows(figures_table("t", few, all_))[-1][2] == "2 of 5"

@@ -114,7 +114,12 @@ def test_the_path_is_never_faster_than_its_configuration_says(seed: int) -> None
     aim = None
     for tick in range(600):
         if tick % 100 == 0:
-            aim = Aim(draw.uniform(-math.pi, math.pi), draw.uniform(0.5, 20), draw.uniform(0.1, 5), draw.random())
+            aim = Aim(
+                azimuth_rad=draw.uniform(-math.pi, math.pi),
+                distance_m=draw.uniform(0.5, 20),
+                distance_std_m=draw.uniform(0.1, 5),
+                sureness=draw.random(),
+            )
             aim = None if draw.random() < 0.3 else aim
         vx, vy, vz = path.setpoint(tick * NS_PER_S // 20, aim, tick // 60 % 7 != 0).v_local_enu_m_s
         assert math.hypot(vx, vy) <= level_m_s + 0.01 and abs(vz) <= climb_m_s + 0.01

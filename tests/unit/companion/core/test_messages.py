@@ -10,7 +10,13 @@ import pytest
 
 from companion.core.messages import Pose, Setpoint, pose_bytes, pose_of
 
-POSE = Pose(1_700_000_000_123_456_789, (1.25, -2.0, 1e-9), (0.5, -0.5, 0.5, -0.5), (0.1, 0.0, -3.0), 3)
+POSE = Pose(
+    t_mono_ns=1_700_000_000_123_456_789,
+    p_enu_m=(1.25, -2.0, 1e-9),
+    q_enu_from_body=(0.5, -0.5, 0.5, -0.5),
+    v_enu_m_s=(0.1, 0.0, -3.0),
+    confidence=3,
+)
 SETPOINT = Setpoint(7, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 0.5)
 
 

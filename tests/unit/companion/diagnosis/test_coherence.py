@@ -13,8 +13,8 @@ from tests.leg_scene import LEVER_M
 from tests.sim_scenes import straight
 from wsr.channel import wavelength_m
 
-STILL = straight(np.array([0.0, 0.0, 1.5]), np.zeros(3), 1.0, 2.0, 0.0)
-AWAY = straight(np.array([9.0, 2.0, 0.5]), np.zeros(3), 1.0, 2.0, 0.0)
+STILL = straight(np.array([0.0, 0.0, 1.5]), np.zeros(3), 1.0, 2.0, yaw_rad=0.0)
+AWAY = straight(np.array([9.0, 2.0, 0.5]), np.zeros(3), 1.0, 2.0, yaw_rad=0.0)
 
 
 def test_standing_robots_are_coherent_and_moving_ones_are_not() -> None:
@@ -28,7 +28,7 @@ def test_standing_robots_are_coherent_and_moving_ones_are_not() -> None:
 
 
 def test_without_packets_or_datagrams_nothing_is_judged() -> None:
-    empty = SarWindow(LEVER_M, wavelength_m(108), 1, 1.0)
+    empty = SarWindow(antenna_m=LEVER_M, wavelength_m=wavelength_m(108), min_packets=1, max_pose_gap_s=1.0)
     silent = _at_rest(empty, Neighbour(2, "beacon"), 0, NS_PER_S)
     assert silent.ok is None and "datagrams do not arrive" in silent.found
     _, neighbour, _ = flown(20, STILL, AWAY)

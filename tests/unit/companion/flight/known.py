@@ -19,9 +19,9 @@ from companion.flight.local_frame import LocalFrame
 from companion.neighbours.neighbour import Neighbour
 from companion.radio.card import ChannelSample
 from companion.sensing.records import Iteration
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
-from tests.unit.companion.flight.kept import Kept
 from wsr.aoa import AoaEstimate
 
 TARGET, OTHER = 2, 3

@@ -8,24 +8,12 @@ import pytest
 
 from companion.core.clock import NS_PER_S
 from companion.core.inputs import CommandOutcome, Event, Wish
-from companion.core.streams import COMMAND, GATE, MISSION, SETPOINT, WISH, Stream
+from companion.core.streams import COMMAND, GATE, MISSION, SETPOINT, WISH
 from companion.flight.announcements import BURST, PER_S, WAITING, Announcements, named_values
 from companion.flight.records import SERVICE_ENDS, GateReport, MissionStep
 from companion.mission.table import State
+from tests.kept import Kept
 from tests.paths import DOCS
-
-
-class Kept:
-    failed = False
-
-    def __init__(self) -> None:
-        self.topics: list[str] = []
-
-    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        self.topics.append(stream.topic)
-
-    def counters(self) -> dict[str, int]:
-        return {"kept": len(self.topics)}
 
 
 def step(state: State, event: Event, next_state: State, reason: str = "") -> MissionStep:
@@ -37,8 +25,8 @@ def step(state: State, event: Event, next_state: State, reason: str = "") -> Mis
 def test_who_flies_and_why_is_said_and_everything_is_recorded() -> None:
     kept = Kept()
     told = Announcements(kept)
-    told.record(WISH, 0, Wish(0, Event.ENGAGE, "no poses; no packets"))
-    told.record(WISH, 0, Wish(0, Event.ENGAGE, ""))
+    told.record(WISH, 0, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal="no poses; no packets"))
+    told.record(WISH, 0, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal=""))
     told.record(MISSION, 1, step(State.IDLE, Event.ENGAGE, State.PREFLIGHT))
     told.record(MISSION, 2, step(State.ACQUIRING, Event.BEARING, State.APPROACHING))
     told.record(MISSION, 2, step(State.APPROACHING, Event.BEARING, State.APPROACHING))
@@ -48,7 +36,7 @@ def test_who_flies_and_why_is_said_and_everything_is_recorded() -> None:
         (5, "companion flies: approaching (bearing)"),
         (4, "companion: engage refused: no poses; no packets"),
     ]
-    assert told.counters() == {"kept": 6} and not told.failed
+    assert told.counters() == {"written": 6} and not told.failed
 
 
 def test_commands_that_fail_the_gate_and_the_end_are_said() -> None:
@@ -73,7 +61,7 @@ def test_the_same_refusal_again_and_again_is_said_once_in_ten_seconds() -> None:
     said = 0
     for tenth in range(300):
         now_ns = tenth * NS_PER_S // 10
-        told.record(WISH, now_ns, Wish(now_ns, Event.ENGAGE, "no poses"))
+        told.record(WISH, now_ns, Wish(t_mono_ns=now_ns, wish=Event.ENGAGE, refusal="no poses"))
         said += len(told.due(now_ns))
     assert said == 3
 
@@ -84,7 +72,7 @@ def test_a_flood_stays_a_trickle_and_a_change_of_state_is_in_it() -> None:
     for tick in range(2000):  # 20 s, 50 refusals in each hundredth
         now_ns = tick * NS_PER_S // 100
         for n in range(50):
-            told.record(WISH, now_ns, Wish(now_ns, Event.ENGAGE, f"reason {tick} {n}"))
+            told.record(WISH, now_ns, Wish(t_mono_ns=now_ns, wish=Event.ENGAGE, refusal=f"reason {tick} {n}"))
         if tick == 1000:
             told.record(MISSION, now_ns, step(State.HOLDING, Event.LINK_LOST, State.LATCHED))
         messages += [one.text for one in told.due(now_ns)]

@@ -18,10 +18,10 @@ from companion.flight.camera_lead import CameraLead
 from companion.flight.records import TagReport
 from companion.guidance.camera_target import Doubt
 from companion.neighbours.neighbour import Neighbour
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
 from tests.unit.companion.camera.tags import TAG
-from tests.unit.companion.flight.kept import Kept
 from tests.unit.companion.guidance.test_camera_target import _radio
 
 _PEER, _OTHER, _BOOT = 2, 3, 11
@@ -50,7 +50,13 @@ class _Flown:
         self.clock, self.kept = ManualClock(_NOW_NS), Kept()
         self.robots = {peer: _Robot(peer, str(peer)) for peer in (_PEER, _OTHER)}
         radio = replace(_radio(_ROBOT_M), boot=_BOOT)
-        self.lead = CameraLead(_CONFIG, EventClock(self.clock), self.kept, self.robots, lambda peer: radio)
+        self.lead = CameraLead(
+            config=_CONFIG,
+            clock=EventClock(self.clock),
+            recorder=self.kept,
+            neighbours=self.robots,
+            radio=lambda peer: radio,
+        )
         self.x_m = 0.0
 
     def fly(self, seconds: float, tag: Tag = TAG, late_s: float = 0.04, family: str = "tag36h11") -> None:
@@ -61,7 +67,9 @@ class _Flown:
             for robot in self.robots.values():
                 robot.heard_ns = now_ns
             v: Vector3 = (0.5, 0.0, 0.0)
-            self.lead.add_pose(Pose(now_ns, (0.0, 0.0, 0.0), _LEVEL, v, 3))
+            self.lead.add_pose(
+                Pose(t_mono_ns=now_ns, p_enu_m=(0.0, 0.0, 0.0), q_enu_from_body=_LEVEL, v_enu_m_s=v, confidence=3)
+            )
             self.lead.follow(
                 VehicleState(
                     t_mono_ns=now_ns, position_mono_ns=now_ns, p_local_enu_m=(self.x_m, 0.0, 0.0), v_local_enu_m_s=v

@@ -11,8 +11,8 @@ from companion.core.streams import MISSION
 from companion.flight.course import Course
 from companion.flight.records import SERVICE_ENDS, MissionStep
 from companion.mission.table import Action, State
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
-from tests.unit.companion.flight.kept import Kept
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ from companion.core.messages import FlightMode, VehicleState
 from companion.core.streams import SURROUNDINGS
 from companion.flight.course import Course
 from companion.flight.engagement import Engagement
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
-from tests.unit.companion.flight.kept import Kept
 
 _NOW_NS = 1000 * NS_PER_S
 _SHIPPED = load_config(CONFIGS / "uav.yaml")

@@ -14,7 +14,7 @@ from companion.flight.observer import Observer, would_be_setpoint
 from companion.guidance.target import Target, WholeBelief
 from companion.guidance.targets import Targets
 from companion.safety.gate import Gate, GateLimits, Reason
-from tests.unit.companion.flight.kept import Kept
+from tests.kept import Kept
 
 _MISSION = MissionConfig(speed_m_s=0.4, takeoff_height_m=1.5)
 _NORTH = Target(
@@ -55,12 +55,12 @@ class _Known(Targets):
 def _noted(target: Target | None, vehicle: VehicleState) -> Kept:
     kept = Kept()
     gate = Gate(GateLimits(**asdict(GateConfig())))
-    Observer(_MISSION, gate, _Known(target), LocalFrame(), kept).note(vehicle, 5)
+    Observer(mission=_MISSION, gate=gate, targets=_Known(target), frame=LocalFrame(), recorder=kept).note(vehicle, 5)
     return kept
 
 
 def test_what_would_be_sent_leads_to_the_target_at_flying_height() -> None:
-    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(speed_m_s=0.4), 1.5)
+    wanted = would_be_setpoint(5, (1.0, 2.0, 0.3), math.pi / 2, MissionConfig(speed_m_s=0.4), height_m=1.5)
     assert wanted.p_local_enu_m == pytest.approx((1.0, 2.2, 1.5)) and wanted.v_local_enu_m_s == pytest.approx(
         (0, 0.4, 0)
     )
@@ -72,7 +72,7 @@ def test_it_is_written_down_with_what_the_gate_says_to_it() -> None:
         kept = _noted(_NORTH, replace(_CARRIED, p_local_enu_m=p_m))
         ((_, t_ns, message),) = kept.messages
         assert kept.topics == ["/observed_setpoint"] and t_ns == 5
-        assert message.setpoint == would_be_setpoint(5, p_m, math.pi / 2, _MISSION, 1.5)
+        assert message.setpoint == would_be_setpoint(5, p_m, math.pi / 2, _MISSION, height_m=1.5)
         assert message.reasons == reasons
 
 

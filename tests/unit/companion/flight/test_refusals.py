@@ -6,7 +6,7 @@ from companion.core.clock import NS_PER_S
 from companion.flight.records import GateReport
 from companion.flight.refusals import GateRefusals
 from companion.safety.gate import Reason
-from tests.unit.companion.flight.kept import Kept
+from tests.kept import Kept
 
 _FENCE, _LEAD = (Reason.FENCE_BOX,), (Reason.LEAD,)
 

@@ -11,8 +11,8 @@ from companion.core.messages import FlightMode, Vector3, VehicleState
 from companion.flight.course import Course
 from companion.flight.situation import Situations
 from companion.mission.conditions import Situation
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
-from tests.unit.companion.flight.kept import Kept
 
 _STANDS = VehicleState(t_mono_ns=0, mode=FlightMode.HOLD)
 

@@ -8,7 +8,7 @@ from companion.core.clock import NS_PER_S
 from companion.core.messages import AutopilotEvent, Vector3, VehicleState
 from companion.core.streams import AUTOPILOT_EVENT
 from companion.flight.vehicle_feed import VehicleFeed
-from tests.unit.companion.flight.kept import Kept
+from tests.kept import Kept
 
 _NOW_NS = 10 * NS_PER_S
 _SAID = AutopilotEvent(_NOW_NS - 7, 4, "Preflight Fail: compass")

@@ -59,7 +59,15 @@ class _Tracker:
         for _ in range(round(seconds * _HZ)):
             self.t_ns += _STEP_NS
             x, y, z = (p + f for p, f in zip(self.true_m, self.frame_m, strict=True))
-            self.forwarder.forward(Pose(self.t_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0), 3))
+            self.forwarder.forward(
+                Pose(
+                    t_mono_ns=self.t_ns,
+                    p_enu_m=(x, y, z),
+                    q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                    v_enu_m_s=(0.5, 0.0, 0.0),
+                    confidence=3,
+                )
+            )
 
 
 @pytest.mark.parametrize("jump_m", [(1.0, 0.0, 0.0), (-3.0, 2.0, -0.7), (0.15, 0.0, 0.0)])
@@ -134,7 +142,15 @@ def _forward(estimator: _Estimator, rate_hz: float, seconds: float, confidence: 
     intake = PoseIntake(PoseConfig(), ManualClock(), AutopilotPoses(lambda _: None), lambda _: None)
     forwarder = VioForwarder(estimator, intake, rate_hz)  # type: ignore[arg-type]
     for index in range(round(200 * seconds)):
-        forwarder.forward(Pose(10**9 + index * 5_000_000, (0.0, 0.0, 0.0), _EAST, (0.0, 0.0, 0.0), confidence))
+        forwarder.forward(
+            Pose(
+                t_mono_ns=10**9 + index * 5_000_000,
+                p_enu_m=(0.0, 0.0, 0.0),
+                q_enu_from_body=_EAST,
+                v_enu_m_s=(0.0, 0.0, 0.0),
+                confidence=confidence,
+            )
+        )
     return forwarder
 
 

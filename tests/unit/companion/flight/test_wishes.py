@@ -16,8 +16,8 @@ from companion.flight.wishes import Wishes
 from companion.mission.table import State
 from companion.neighbours.naming import named
 from companion.neighbours.neighbour import Neighbour
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
-from tests.unit.companion.flight.kept import Kept
 
 _NOW_NS = 100 * NS_PER_S
 
@@ -83,7 +83,7 @@ async def test_an_engagement_that_is_granted_counts_at_the_next_tick() -> None:
     asked = _Asked()
     assert await asked.wishes.engage() == ""
     assert [message for _, _, message in asked.kept.messages] == [
-        Wish(_NOW_NS, Event.ENGAGE, "", vehicle="system 1, px4 1.16.1")
+        Wish(t_mono_ns=_NOW_NS, wish=Event.ENGAGE, refusal="", vehicle="system 1, px4 1.16.1")
     ]
     assert asked.course.worst([]) is Event.ENGAGE
 
@@ -122,7 +122,7 @@ async def test_the_switch_engages_beside_the_loop_and_says_why_not() -> None:
     (work,) = asked.beside
     await work
     assert asked.kept.messages[-1][2] == Wish(
-        _NOW_NS, Event.ENGAGE, "no poses", by_switch=True, vehicle="system 1, px4 1.16.1"
+        t_mono_ns=_NOW_NS, wish=Event.ENGAGE, refusal="no poses", by_switch=True, vehicle="system 1, px4 1.16.1"
     )
     assert asked.course.reason == "the switch did not engage: no poses"
 

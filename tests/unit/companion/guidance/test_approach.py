@@ -29,7 +29,9 @@ def test_the_nose_is_kept_or_turned_slowly_to_the_target(yaw: Literal["fixed", "
     approach.start((0.0, 0.0, 1.5), 0.3)
     yaws = []
     for tick in range(100):
-        setpoint = approach.setpoint(tick * _TICK_NS, Aim(1.8, 20.0, 1.0, 1.0), True)
+        setpoint = approach.setpoint(
+            tick * _TICK_NS, Aim(azimuth_rad=1.8, distance_m=20.0, distance_std_m=1.0, sureness=1.0), True
+        )
         assert setpoint.yaw_enu_rad is not None
         yaws.append(setpoint.yaw_enu_rad)
     assert yaws[0] == pytest.approx(0.3) and yaws[-1] == pytest.approx(ends_at)
@@ -42,7 +44,16 @@ def _flown(approach: Approach, target_m: Vector3, ticks: int, known: bool = True
     place = (0.0, 0.0, 1.5)
     for tick in range(ticks):
         east, north = target_m[0] - place[0], target_m[1] - place[1]
-        aim = Aim(math.atan2(north, east), math.hypot(east, north), 0.3, 1.0) if known else None
+        aim = (
+            Aim(
+                azimuth_rad=math.atan2(north, east),
+                distance_m=math.hypot(east, north),
+                distance_std_m=0.3,
+                sureness=1.0,
+            )
+            if known
+            else None
+        )
         flown.append(approach.setpoint(tick * _TICK_NS, aim, True))
         assert flown[-1].p_local_enu_m is not None
         place = flown[-1].p_local_enu_m
@@ -75,7 +86,16 @@ def test_it_flies_beside_a_near_place_whose_range_is_vague(ratio: float, goes_be
     range_m = 4.0 * np.exp(rng.normal(0.0, ratio, PLACES))
     places_m = np.stack([range_m, np.zeros(PLACES), rng.normal(0.5, 0.2, PLACES)], axis=1)
     scatter = _scatter(rng, places_m)
-    flown = [approach.setpoint(k * _TICK_NS, Aim(0.0, 4.0, ratio * 4.0, 1.0, -1.0, scatter), True) for k in range(90)]
+    flown = [
+        approach.setpoint(
+            k * _TICK_NS,
+            Aim(
+                azimuth_rad=0.0, distance_m=4.0, distance_std_m=ratio * 4.0, sureness=1.0, above_m=-1.0, scatter=scatter
+            ),
+            True,
+        )
+        for k in range(90)
+    ]
     beside_m = [abs(s.p_local_enu_m[1]) for s in flown if s.p_local_enu_m]
     assert (beside_m[-1] > 0.25) == goes_beside
 
@@ -98,7 +118,14 @@ def test_neither_a_new_aim_nor_a_late_tick_nor_a_stop_makes_a_step() -> None:
     for _ in range(1500):
         if rng.random() < 0.05:
             places = _scatter(rng, rng.uniform(-9, 9, (PLACES, 3)))
-            aim = Aim(float(rng.uniform(-3, 3)), float(rng.uniform(0, 9)), float(rng.uniform(0, 9)), 0.5, 0.0, places)
+            aim = Aim(
+                azimuth_rad=float(rng.uniform(-3, 3)),
+                distance_m=float(rng.uniform(0, 9)),
+                distance_std_m=float(rng.uniform(0, 9)),
+                sureness=0.5,
+                above_m=0.0,
+                scatter=places,
+            )
         late_ns = int(rng.choice([0, 0, 0, _TICK_NS]))
         now_ns += _TICK_NS + late_ns
         flown.append((now_ns / NS_PER_S, approach.setpoint(now_ns, aim, bool(rng.random() < 0.97))))

@@ -61,7 +61,7 @@ class _Seen:
             self.own_m = self.own_m + np.array([step_m, 0.0, 0.0])
             place = TagPlace(at_m, _CORNERS + _SHARED, _CORNERS)
             x, y, z = self.own_m.tolist()
-            self.doubts.append(self.targets.add(_PEER, self.t_ns, place, (x, y, z), (boot, _ROBOT), radio))
+            self.doubts.append(self.targets.add(_PEER, self.t_ns, place, (x, y, z), robot=(boot, _ROBOT), radio=radio))
 
     @property
     def leads(self) -> bool:

@@ -39,7 +39,16 @@ def _chosen(
     before: Way = STRAIGHT,
 ) -> Way:
     near_m = min(distance_m, 1.7)
-    return choose(scatter, (distance_m, 0.0, -1.0), (0.0, 0.0, 0.0), near_m, CRAFT, limits, others_m, before)
+    return choose(
+        scatter,
+        (distance_m, 0.0, -1.0),
+        (0.0, 0.0, 0.0),
+        near_m,
+        craft=CRAFT,
+        limits=limits,
+        others_m=others_m,
+        before=before,
+    )
 
 
 @pytest.mark.parametrize(("distance_m", "lead_deg", "weave"), [(15.0, 0.0, 0.3), (8.0, 0.0, 0.5), (4.0, 10.0, 0.5)])
@@ -98,7 +107,16 @@ def test_two_sources_are_told_apart_by_a_wider_way_than_one() -> None:
 
 def test_a_rover_has_no_height_to_weave_in_and_weaves_across_as_wide_as_it_can() -> None:
     drives = replace(CRAFT, up_m=0.0)
-    way = choose(_scatter(5.0, 0.3), (5.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.7, drives, LIMITS, (), STRAIGHT)
+    way = choose(
+        _scatter(5.0, 0.3),
+        (5.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        1.7,
+        craft=drives,
+        limits=LIMITS,
+        others_m=(),
+        before=STRAIGHT,
+    )
     assert way.weave == 1.0
 
 

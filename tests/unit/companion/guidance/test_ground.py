@@ -45,7 +45,14 @@ def _path(aim: Aim | None, rate_hz: int = 20) -> np.ndarray:
     return np.array(places)
 
 
-@pytest.mark.parametrize("aim", [Aim(0.5, 20.0, 8.0, 0.2), Aim(0.5, 20.0, 0.5, 1.0), None])
+@pytest.mark.parametrize(
+    "aim",
+    [
+        Aim(azimuth_rad=0.5, distance_m=20.0, distance_std_m=8.0, sureness=0.2),
+        Aim(azimuth_rad=0.5, distance_m=20.0, distance_std_m=0.5, sureness=1.0),
+        None,
+    ],
+)
 def test_its_path_stays_level_and_is_no_line(aim: Aim | None) -> None:
     path_m = _path(aim)
     assert np.ptp(path_m[:, 2]) == 0.0, "and nothing of the least height lifts it"
@@ -76,7 +83,10 @@ def _estimated(target_m: Vector3, path_m: np.ndarray, seed: int) -> AoaEstimate:
 
 @pytest.mark.parametrize("target_m", [(9.0, 4.0, 0.4), (4.0, 9.0, 1.5), (6.0, 5.0, 2.0), (6.0, 5.0, 3.0)])
 def test_azimuth_is_as_in_the_air_and_elevation_is_known_but_for_its_sign(target_m: Vector3) -> None:
-    path_m = _path(Aim(math.atan2(target_m[1], target_m[0]), 20.0, 0.3, 1.0), rate_hz=60)[360:540]
+    path_m = _path(
+        Aim(azimuth_rad=math.atan2(target_m[1], target_m[0]), distance_m=20.0, distance_std_m=0.3, sureness=1.0),
+        rate_hz=60,
+    )[360:540]
     found = _estimated(target_m, path_m, 1)
     assert np.ptp(path_m[:, 2]) == 0.0 and found.azimuth_observable
     east, north, up = (there - here for there, here in zip(target_m, path_m.mean(axis=0).tolist(), strict=True))

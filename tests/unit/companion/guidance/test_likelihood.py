@@ -24,7 +24,7 @@ ANYWHERE = 1.0 / (4.0 * math.pi)
 
 def _at(bearing: Bearing, azimuth: float, polar: float = 1.5, range_m: float = 8.0) -> np.ndarray:
     (found,) = likelihoods(
-        bearing, np.array([azimuth]), np.array([polar]), np.array([range_m]), ANYWHERE, 0.0
+        bearing, np.array([azimuth]), np.array([polar]), np.array([range_m]), elsewhere=ANYWHERE, drift=0.0
     ).T  # fmt: skip
     return np.asarray(found)
 
@@ -57,7 +57,10 @@ def test_a_range_that_shows_counts_in_every_kind_of_room() -> None:
 
 
 def test_another_path_may_be_the_direct_one() -> None:
-    alone, seen = BEARING, replace(BEARING, others=(Peak(2.0, 1.5, 0.4, 0.5),))
+    alone, seen = (
+        BEARING,
+        replace(BEARING, others=(Peak(azimuth_rad=2.0, polar_rad=1.5, power=0.4, relative_power=0.5),)),
+    )
     assert np.all(_at(seen, 2.0) > _at(alone, 2.0))
     assert np.all(_at(seen, -2.0) < _at(alone, -2.0))
     hard = REGIMES.index(HARD)

@@ -17,15 +17,21 @@ LIMITS = GateLimits(
 
 
 def test_a_place_that_is_known_is_flown_at_straight() -> None:
-    assert towards(Aim(0.0, 20.0, 0.0, 1.0), 0.5, 1.5, 1) == pytest.approx((0.5, 0.0))
-    assert towards(Aim(math.pi / 2, 20.0, 0.0, 1.0), 0.5, 1.5, 1) == pytest.approx((0.0, 0.5))
+    assert towards(
+        Aim(azimuth_rad=0.0, distance_m=20.0, distance_std_m=0.0, sureness=1.0), 0.5, 1.5, 1
+    ) == pytest.approx((0.5, 0.0))
+    assert towards(
+        Aim(azimuth_rad=math.pi / 2, distance_m=20.0, distance_std_m=0.0, sureness=1.0), 0.5, 1.5, 1
+    ) == pytest.approx((0.0, 0.5))
 
 
 def test_on_its_circle_it_flies_around_and_inside_of_it_outwards() -> None:
-    on = towards(Aim(0.0, 1.5, 0.0, 1.0), 0.5, 1.5, 1)
+    on = towards(Aim(azimuth_rad=0.0, distance_m=1.5, distance_std_m=0.0, sureness=1.0), 0.5, 1.5, 1)
     assert on == pytest.approx((0.0, 0.5)), "a target to the East is kept to the right by flying North"
-    assert towards(Aim(0.0, 1.5, 0.0, 1.0), 0.5, 1.5, -1) == pytest.approx((0.0, -0.5))
-    assert towards(Aim(0.0, 1.2, 0.0, 1.0), 0.5, 1.5, 1)[0] < 0.0
+    assert towards(
+        Aim(azimuth_rad=0.0, distance_m=1.5, distance_std_m=0.0, sureness=1.0), 0.5, 1.5, -1
+    ) == pytest.approx((0.0, -0.5))
+    assert towards(Aim(azimuth_rad=0.0, distance_m=1.2, distance_std_m=0.0, sureness=1.0), 0.5, 1.5, 1)[0] < 0.0
 
 
 @pytest.mark.parametrize("distance_m", [3.0, 20.0, math.inf])
@@ -33,7 +39,9 @@ def test_the_vaguer_the_range_the_more_it_flies_beside_the_target_at_the_same_sp
     sides = []
     for ratio in (0.0, 0.2, 0.6):
         spread = math.inf if math.isinf(distance_m) else ratio * distance_m
-        east, north = towards(Aim(0.0, distance_m, spread, 0.5), 0.5, 1.5, 1)
+        east, north = towards(
+            Aim(azimuth_rad=0.0, distance_m=distance_m, distance_std_m=spread, sureness=0.5), 0.5, 1.5, 1
+        )
         assert math.hypot(east, north) == pytest.approx(0.5)
         sides.append(math.atan2(north, east))
     assert sides == sorted(sides)
@@ -41,7 +49,13 @@ def test_the_vaguer_the_range_the_more_it_flies_beside_the_target_at_the_same_sp
 
 
 def test_a_lead_that_is_chosen_takes_the_place_of_the_rule() -> None:
-    east, north = towards(Aim(0.0, 20.0, 10.0, 0.5), 0.5, 1.5, 1, lead_rad=math.radians(45.0))
+    east, north = towards(
+        Aim(azimuth_rad=0.0, distance_m=20.0, distance_std_m=10.0, sureness=0.5),
+        0.5,
+        1.5,
+        1,
+        lead_rad=math.radians(45.0),
+    )
     assert east == pytest.approx(north)
 
 

@@ -150,7 +150,12 @@ def _seen_from(targets: Targets, from_m: Vector3, image_m: Vector3, robot_m: Vec
     powers = {robot_m: (0.2 / math.dist(from_m, robot_m)) ** 2, image_m: (0.5 / math.dist(from_m, image_m)) ** 2}
     faint_m, loud_m = sorted(powers, key=lambda place_m: powers[place_m])
     loud, faint = _bearing(from_m, loud_m), _bearing(from_m, faint_m)
-    path = Peak(faint.azimuth_rad, faint.polar_rad, 0.1, powers[faint_m] / powers[loud_m])
+    path = Peak(
+        azimuth_rad=faint.azimuth_rad,
+        polar_rad=faint.polar_rad,
+        power=0.1,
+        relative_power=powers[faint_m] / powers[loud_m],
+    )
     targets.add(2, replace(loud, others=(path,), reliability=0.5, fresh=0.4), 0.0)
 
 

@@ -121,7 +121,12 @@ def test_two_sources_that_are_seen_in_turn_both_live_on() -> None:
         place = np.array([0.0, float(y), 1.5])
         one, other = sources if y % 2 else sources[::-1]
         dx, dy, dz = other - place
-        peak = Peak(math.atan2(dy, dx), math.acos(dz / math.dist(other, place)), 0.3, 0.9)
+        peak = Peak(
+            azimuth_rad=math.atan2(dy, dx),
+            polar_rad=math.acos(dz / math.dist(other, place)),
+            power=0.3,
+            relative_power=0.9,
+        )
         found = tracker.add(replace(bearing_to(one, place, 3 * y), others=(peak,), reliability=0.0))
     assert found.probability < 0.9
     places = [found.origin_local_enu_m, *(rival.origin_local_enu_m for rival in found.rivals)]

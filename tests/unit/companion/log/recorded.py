@@ -15,7 +15,13 @@ from tests.manual_clock import ManualClock
 from tests.paths import CONFIGS
 
 CONFIG = load_config(CONFIGS / "uav.yaml")
-POSE_AT = Pose(5, (1.0, -2.0, 0.5), (0.5, 0.5, -0.5, 0.5), (0.1, 0.2, 0.3), 3)
+POSE_AT = Pose(
+    t_mono_ns=5,
+    p_enu_m=(1.0, -2.0, 0.5),
+    q_enu_from_body=(0.5, 0.5, -0.5, 0.5),
+    v_enu_m_s=(0.1, 0.2, 0.3),
+    confidence=3,
+)
 
 
 def setpoint(t_ns: int) -> Setpoint:

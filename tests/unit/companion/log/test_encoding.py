@@ -15,7 +15,9 @@ from companion.core.streams import CSI, POSE, PROFILE, SETPOINT, TICK, TRANSFORM
 from companion.log.encoding import encoded, schema_of, views
 from companion.log.foxglove import power_of
 
-_POSE = Pose(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
+_POSE = Pose(
+    t_mono_ns=7, p_enu_m=(1.0, 2.0, 3.0), q_enu_from_body=(1.0, 0.0, 0.0, 0.0), v_enu_m_s=(0.0, 0.0, 0.0), confidence=3
+)
 _VEHICLE = VehicleState(t_mono_ns=7, p_local_enu_m=(1.0, 2.0, 1.5), yaw_enu_rad=0.3)
 
 

@@ -21,7 +21,7 @@ def test_export_of_a_merged_log_keeps_the_robots_apart(companion: Run, tmp_path:
     with beacon.open("wb") as file:
         writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
         for message in session.messages({CSI.topic}):
-            writer.write(CSI, message.log_time_ns, message.log_time_ns, message.sequence, message.data)
+            writer.write(CSI, message.log_time_ns, message.log_time_ns, message.sequence, message=message.data)
         writer.finish()
     deaf_log(tmp_path / "deaf.mcap", session)
     assert companion("log", "merge", tmp_path / "deaf.mcap", beacon, "--out", tmp_path / "merged.mcap")[0] == 0

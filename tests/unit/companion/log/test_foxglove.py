@@ -51,7 +51,7 @@ def one_of_each(path: Path) -> None:
         (VEHICLE, vehicle),
         (APERTURE, aperture),
         (PROFILE, power),
-        (TARGET, TargetReport(9, 2, 3, target, (2.0, 3.0, 4.0))),
+        (TARGET, TargetReport(t_mono_ns=9, peer=2, iteration=3, target=target, p_local_enu_m=(2.0, 3.0, 4.0))),
         (TICK, Tick(4)),
         (LOG, LogLine(logging.WARNING, "companion.flight.loop", "something")),
     )

@@ -3,31 +3,16 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
 
 import pytest
 
-from companion.core.streams import LOG, Stream
+from companion.core.streams import LOG
 from companion.log.lines import LogLine, record_lines
-
-
-class _Kept:
-    failed = False
-
-    def __init__(self) -> None:
-        self.lines: list[LogLine] = []
-
-    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        assert stream is LOG
-        assert t_mono_ns > 0
-        self.lines.append(message)
-
-    def counters(self) -> dict[str, int]:
-        return {}
+from tests.kept import Kept
 
 
 def test_lines_from_info_on_are_kept_with_their_words_until_the_handler_is_taken_away() -> None:
-    kept, log = _Kept(), logging.getLogger("companion.flight.loop")
+    kept, log = Kept(), logging.getLogger("companion.flight.loop")
     handler = record_lines(kept)
     before = log.level
     log.setLevel(logging.DEBUG)
@@ -39,14 +24,15 @@ def test_lines_from_info_on_are_kept_with_their_words_until_the_handler_is_taken
         log.setLevel(before)
         logging.getLogger().removeHandler(handler)
     log.warning("after the end")
-    assert kept.lines == [
+    assert {stream for stream, _, _ in kept.messages} == {LOG}
+    assert [line for _, _, line in kept.messages] == [
         LogLine(logging.INFO, "companion.flight.loop", "poses from t265"),
         LogLine(logging.WARNING, "companion.flight.loop", "100 % and no arguments"),
     ]
 
 
 def test_a_line_that_cannot_be_made_costs_only_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    kept, log = _Kept(), logging.getLogger("companion.odd")
+    kept, log = Kept(), logging.getLogger("companion.odd")
     handler = record_lines(kept)
     try:
         with pytest.raises(TypeError):
@@ -54,4 +40,4 @@ def test_a_line_that_cannot_be_made_costs_only_itself(capsys: pytest.CaptureFixt
         log.warning("goes on")
     finally:
         logging.getLogger().removeHandler(handler)
-    assert [line.text for line in kept.lines] == ["goes on"]
+    assert [line.text for _, _, line in kept.messages] == ["goes on"]

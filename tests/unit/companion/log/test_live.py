@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import msgspec
 import pytest
@@ -15,25 +14,13 @@ from companion.core.messages import Pose, VehicleState
 from companion.core.streams import CSI, MISSION, POSE, SCENE, TRANSFORMS, VEHICLE, Stream
 from companion.log.encoding import encoded, schema_of
 from companion.log.live import ANNOUNCEMENT, MESSAGE, Announced, LiveFeed
+from tests.kept import Kept
 from tests.manual_clock import ManualClock
 
-_POSE = Pose(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3)
+_POSE = Pose(
+    t_mono_ns=7, p_enu_m=(1.0, 2.0, 3.0), q_enu_from_body=(1.0, 0.0, 0.0, 0.0), v_enu_m_s=(0.0, 0.0, 0.0), confidence=3
+)
 _VEHICLE = VehicleState(t_mono_ns=7, p_local_enu_m=(1.0, 2.0, 1.5), yaw_enu_rad=0.3)
-
-
-class _Log:
-    """Keeps what it is given."""
-
-    failed = False
-
-    def __init__(self) -> None:
-        self.topics: list[str] = []
-
-    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        self.topics.append(stream.topic)
-
-    def counters(self) -> dict[str, int]:
-        return {"log": len(self.topics)}
 
 
 @dataclass
@@ -41,7 +28,7 @@ class _Fed:
     """A feed whose thread is turned by hand, and the server's end of its socket."""
 
     feed: LiveFeed
-    log: _Log
+    log: Kept
     end: socket.socket
     channels: dict[int, Announced] = field(default_factory=dict)
 
@@ -69,7 +56,7 @@ class _Fed:
 
 @pytest.fixture
 def fed() -> Iterator[_Fed]:
-    log = _Log()
+    log = Kept()
     feed = LiveFeed(log, EventClock(ManualClock(1_000)))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     feed.attach(ours)
@@ -86,7 +73,7 @@ def test_a_channel_is_announced_with_the_logs_own_schema_and_then_silent(fed: _F
     told = next(one for one in fed.channels.values() if one.topic == VEHICLE.topic)
     assert (told.encoding, (told.schema_name, told.schema_encoding, told.schema)) == ("json", schema_of(_VEHICLE))
     assert fed.log.topics == [VEHICLE.topic] * 2, "the log has everything"
-    assert fed.feed.counters() == {"log": 2}
+    assert fed.feed.counters() == {"written": 2}
 
 
 def test_only_what_is_subscribed_to_is_sent_as_the_log_has_it(fed: _Fed) -> None:
@@ -128,7 +115,7 @@ def test_a_message_that_cannot_be_encoded_costs_only_itself(fed: _Fed) -> None:
 
 
 def test_without_a_server_nothing_is_kept() -> None:
-    feed = LiveFeed(_Log(), EventClock(ManualClock(1_000)))
+    feed = LiveFeed(Kept(), EventClock(ManualClock(1_000)))
     feed.record(VEHICLE, 7, _VEHICLE)
     feed._turn()
     assert not feed._kept

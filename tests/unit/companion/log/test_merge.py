@@ -61,7 +61,7 @@ def test_a_clock_that_was_never_set_is_not_joined_by_wall_clock(tmp_path: Path) 
     with (tmp_path / "other.mcap").open("wb") as file:
         writer = LogWriter(file, {"role": "beacon", "name": "old", "config": "{}"})
         for number in range(5):
-            writer.write(CSI, number * 10**9, number * 10**9, 0, b"\xbb")
+            writer.write(CSI, number * 10**9, number * 10**9, 0, message=b"\xbb")
         writer.finish()
     with pytest.raises(CompanionError, match="its wall clock was at another time altogether"):
         merge(GOLDEN[0], [tmp_path / "other.mcap"], None, tmp_path / "out.mcap")
@@ -75,7 +75,7 @@ def test_merge_pairs_a_beacon_by_exchanges_and_px4_by_positions(companion: Run, 
         writer = LogWriter(file, {"role": "beacon", "name": "ground", "config": "{}"})
         for message in session.messages({CSI.topic}):
             t_ns = message.log_time_ns - shift_ns
-            writer.write(CSI, t_ns, t_ns, message.sequence, message.data)
+            writer.write(CSI, t_ns, t_ns, message.sequence, message=message.data)
         writer.finish()
     ulg = tmp_path / "flight.ulg"
     boot_ns = write_ulog(ulg, session)

@@ -15,7 +15,7 @@ def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path
     stranger = tmp_path / "other.mcap"
     stranger.write_bytes(bytes(100_000))
     for part in (parts[0], parts[2], parts[3]):
-        part.write(CSI, 1, 1, 1, os.urandom(10_000), 0.0)
+        part.write(CSI, 1, 1, 1, message=os.urandom(10_000), taken_s=0.0)
         part.finish()
     # The first may go, the second is still being written, the third may go, the last is the newest finished one.
     newest = parts_beside(path)[-1].stat().st_size

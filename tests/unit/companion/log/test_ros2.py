@@ -151,8 +151,8 @@ def test_views_and_lines_of_a_merged_log_with_the_autopilots_inertial_data(compa
     assert turns is not None
     with own.open("wb") as file:
         writer = LogWriter(file, {"role": "uav", "name": "uav", "config": "{}"})
-        writer.write(TRANSFORMS, 5, 5, 1, turns)
-        writer.write(LOG, 7, 7, 2, LogLine(30, "companion.flight", "a warning"))
+        writer.write(TRANSFORMS, 5, 5, 1, message=turns)
+        writer.write(LOG, 7, 7, 2, message=LogLine(30, "companion.flight", "a warning"))
         writer.finish()
     messages = by_topic(exported(companion, own, tmp_path / "x"))
     assert [one.child_frame_id for one in messages["/tf"][0].transforms] == ["body"]

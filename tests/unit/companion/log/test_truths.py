@@ -22,9 +22,9 @@ _EAST = Truth(2_000, (0.0, 0.0, 1.0), {CONFIG.peers[0].name: (5.0, 0.0, 1.0)})
 def _log(path: Path, *truths: Truth) -> Path:
     with path.open("wb") as file:
         writer = LogWriter(file, {"role": "uav", "name": "uav", "config": "{}", "wall_minus_mono_ns": "0"})
-        writer.write(CSI, 1, 1, 1, b"\xbb")
+        writer.write(CSI, 1, 1, 1, message=b"\xbb")
         for truth in truths:
-            writer.write(TRUTH, truth.t_mono_ns, truth.t_mono_ns, 0, truth)
+            writer.write(TRUTH, truth.t_mono_ns, truth.t_mono_ns, 0, message=truth)
         writer.finish()
     return path
 

@@ -18,8 +18,8 @@ def test_two_encodings_of_one_topic_stay_apart(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     with path.open("wb") as file:
         writer = LogWriter(file, METADATA_VALUES)
-        writer.copy("/p", "json", ("Pose", "jsonschema", b"{}"), (1, 1), 0, b"{}")
-        writer.copy("/p", "cdr", ("Pose", "ros2msg", b"x"), (2, 2), 0, b"\0")
+        writer.copy("/p", "json", ("Pose", "jsonschema", b"{}"), (1, 1), sequence=0, data=b"{}")
+        writer.copy("/p", "cdr", ("Pose", "ros2msg", b"x"), (2, 2), sequence=0, data=b"\0")
         writer.finish()
     repair(path, tmp_path / "out.mcap")
     assert [(m.encoding, m.schema) for m in LogScan(tmp_path / "out.mcap")] == [
@@ -32,7 +32,7 @@ def _written(path: Path, compression: Compression = "zstd", count: int = 400) ->
     with path.open("wb") as file:
         writer = LogWriter(file, METADATA_VALUES, compression, chunk_bytes=4 << 10)
         for number in range(count):
-            writer.write(CSI, 2 * number, number, number, number.to_bytes(4, "little") * 30)
+            writer.write(CSI, 2 * number, number, number, message=number.to_bytes(4, "little") * 30)
         writer.finish()
     return writer
 
@@ -54,7 +54,9 @@ def test_views_stand_beside_the_message_they_are_drawn_from(tmp_path: Path) -> N
     path = tmp_path / "log.mcap"
     with path.open("wb") as file:
         writer = LogWriter(file, METADATA_VALUES)
-        writer.write(VEHICLE, 9, 9, 4, VehicleState(t_mono_ns=7, p_local_enu_m=(1.0, 2.0, 1.5), yaw_enu_rad=0.3))
+        writer.write(
+            VEHICLE, 9, 9, 4, message=VehicleState(t_mono_ns=7, p_local_enu_m=(1.0, 2.0, 1.5), yaw_enu_rad=0.3)
+        )
         writer.finish()
     assert [(one.topic, one.sequence) for one in LogScan(path)] == [(VEHICLE.topic, 4), (TRANSFORMS.topic, 4)]
 
@@ -65,7 +67,7 @@ def test_a_chunk_that_ends_early_is_in_the_file_and_an_empty_one_is_none(tmp_pat
         writer = LogWriter(file, METADATA_VALUES)
         writer.end_chunk()
         assert writer.chunks == 0
-        writer.write(CSI, 1, 1, 1, b"\xbb")
+        writer.write(CSI, 1, 1, 1, message=b"\xbb")
         assert writer.open_bytes > 0
         writer.end_chunk()
         assert (writer.chunks, writer.open_bytes) == (1, 0)

@@ -22,7 +22,7 @@ def log_of(messages: int = 4000, compression: Any = "zstd", chunk_bytes: int = 1
     writer = LogWriter(file, METADATA_VALUES, compression, chunk_bytes=chunk_bytes)
     chance = random.Random(0)
     for number in range(messages):
-        writer.write(CSI, number, number, number, chance.randbytes(60) + number.to_bytes(4, "little"))
+        writer.write(CSI, number, number, number, message=chance.randbytes(60) + number.to_bytes(4, "little"))
     writer.finish()
     return file.getvalue()
 

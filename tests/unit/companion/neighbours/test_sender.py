@@ -17,7 +17,7 @@ def flood(sender: NeighbourSender, seconds: int, packets_per_s: int) -> list[byt
         if step % 5 == 0 and sender.wants_pose(t_ns):
             sender.add_pose(t_ns, (0.0, 0.0, 0.0), 3)
         if step * packets_per_s // 1000 != (step + 1) * packets_per_s // 1000:
-            sender.add_channel(step, t_ns, step * 1000, csi, -55.0, 0)
+            sender.add_channel(step, t_ns, step * 1000, csi, power_dbm=-55.0, antenna=0)
         if step % 100 == 99:
             made += sender.datagrams(t_ns)
     return made
@@ -51,7 +51,7 @@ def test_a_restarted_counter_and_a_wild_pose_cost_only_themselves() -> None:
     listening = receiver()
     csi = np.full(30, 20 + 5j, np.complex64)
     for frame in (900_000, 900_001, 1, 2):
-        sender.add_channel(frame, BASE_NS, 17, csi, -55.0, 0)
+        sender.add_channel(frame, BASE_NS, 17, csi, power_dbm=-55.0, antenna=0)
     first, second = sender.datagrams(BASE_NS + 1)
     assert listening.take(first)
     assert listening.take(second)

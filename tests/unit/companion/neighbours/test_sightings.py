@@ -92,7 +92,7 @@ def test_five_robots_bearings_at_the_busiest_stay_in_the_budget() -> None:
             sender.add_pose(t_ns, rng.normal(0, 0.05, 3), 3)
         if step % 20 in (3, 9, 15):
             csi = (rng.normal(size=30) + 1j * rng.normal(size=30)).astype(np.complex64) * 20
-            sender.add_channel(step, t_ns, step * 1000, csi, -55.0, 0)
+            sender.add_channel(step, t_ns, step * 1000, csi, power_dbm=-55.0, antenna=0)
         if step % 500 == 0:
             for target in (1, 3, 4, 5):
                 sender.add_sighting(replace(SEEN, target=target, number=step // 500, t_ns=t_ns - 1_500_000_000))

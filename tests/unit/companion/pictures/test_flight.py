@@ -20,7 +20,7 @@ BEARINGS = [Arrow(3, 2.0, 0.0, 0.1), Arrow(4, 4.0, 0.0, math.pi / 2)]
 
 def drawn(path: Path, figures: list[Figure], turned: bool = False) -> tuple[Figure, Axes]:
     order = [1, 0, 2] if turned else [0, 1, 2]
-    draw_flight(path, UAV_M[:, order], TARGET_M[:, order], BEARINGS, "title")
+    draw_flight(path, UAV_M[:, order], TARGET_M[:, order], BEARINGS, title="title")
     assert path.read_bytes()[:4] == b"\x89PNG"
     return figures[0], figures[0].axes[0]
 

@@ -25,7 +25,15 @@ def top_view(tmp_path: Path, figures: list[Figure], polar_observable: bool) -> A
     power = np.random.default_rng(1).random((180, 360)).astype(np.float32)
     path = tmp_path / "new" / "p.png"
     estimate = Found(np.radians(40.0), np.radians(70.0))
-    draw_profile(path, Profile(power, AZIMUTH_RAD, POLAR_RAD), estimate, (0.5, 1.5), "title", True, polar_observable)
+    draw_profile(
+        path,
+        Profile(power, AZIMUTH_RAD, POLAR_RAD),
+        estimate,
+        (0.5, 1.5),
+        title="title",
+        azimuth_observable=True,
+        polar_observable=polar_observable,
+    )
     assert path.read_bytes()[:4] == b"\x89PNG"
     assert ("elevation 20.0" in figures[0].get_suptitle()) == polar_observable
     assert "azimuth 40.0" in figures[0].get_suptitle()

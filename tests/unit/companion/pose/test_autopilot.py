@@ -12,7 +12,9 @@ import pytest
 from companion.core.messages import Pose
 from companion.pose.autopilot import AutopilotPoses, turned
 
-_POSE = Pose(7, (1.0, 0.0, 2.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, -0.1), 3)
+_POSE = Pose(
+    t_mono_ns=7, p_enu_m=(1.0, 0.0, 2.0), q_enu_from_body=(1.0, 0.0, 0.0, 0.0), v_enu_m_s=(0.5, 0.0, -0.1), confidence=3
+)
 
 
 def test_axes_are_turned_counter_clockwise_about_up() -> None:

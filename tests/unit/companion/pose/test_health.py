@@ -21,7 +21,13 @@ class _Stream:
     def __init__(self) -> None:
         self.health = PoseHealth(HealthLimits())
         self.now_ns = 100 * NS_PER_S
-        self.pose = Pose(self.now_ns, (0.0, 0.0, 1.0), _LEVEL, (0.4, 0.0, 0.0), 3)
+        self.pose = Pose(
+            t_mono_ns=self.now_ns,
+            p_enu_m=(0.0, 0.0, 1.0),
+            q_enu_from_body=_LEVEL,
+            v_enu_m_s=(0.4, 0.0, 0.0),
+            confidence=3,
+        )
 
     def run(self, seconds: float, **changes: object) -> None:
         for _ in range(round(seconds * 200)):

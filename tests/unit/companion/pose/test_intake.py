@@ -37,7 +37,7 @@ def _intake(config: PoseConfig) -> tuple[PoseIntake, _Source, ManualClock, list[
     return intake, source, clock, got
 
 
-def _rest(intake: PoseIntake, source: _Source, clock: ManualClock, tracker_rad: float, heading_rad: float) -> None:
+def _rest(intake: PoseIntake, source: _Source, clock: ManualClock, tracker_rad: float, *, heading_rad: float) -> None:
     for _ in range(80):
         clock.advance(0.05)
         intake.take(yawed_pose(clock.now_ns(), tracker_rad + source.turned_rad))
@@ -48,7 +48,7 @@ def test_poses_wait_until_the_autopilots_heading_has_told_where_north_is() -> No
     intake, source, clock, got = _intake(PoseConfig(north="autopilot"))
     intake.take(yawed_pose(clock.now_ns(), 0.0))
     assert not got and math.isinf(intake.age_s()) and "North is not known yet" in intake.north_problem()
-    _rest(intake, source, clock, 0.2, 1.5)
+    _rest(intake, source, clock, 0.2, heading_rad=1.5)
     assert source.turned_rad == pytest.approx(1.3, abs=1e-6) and intake.north_problem() == ""
     assert got and intake.age_s() == 0
 
@@ -62,7 +62,7 @@ def test_a_tracker_that_began_anew_is_turned_again_even_where_config_gave_the_fi
     clock.advance(0.05)
     intake.take(yawed_pose(clock.now_ns(), 0.0))
     assert len(got) == 1 and intake.reset_counter == 1
-    _rest(intake, source, clock, -0.7, 2.0)
+    _rest(intake, source, clock, -0.7, heading_rad=2.0)
     assert source.turned_rad == pytest.approx(2.7, abs=1e-6)
     assert len(got) > 1 and intake.problem_between(0, clock.now_ns()) == "poses: the tracker began anew"
 
@@ -71,5 +71,13 @@ def test_a_jump_raises_the_reset_counter_and_goes_on() -> None:
     intake, _, clock, got = _intake(PoseConfig())
     for x in (0.0, 1.0):
         clock.advance(0.05)
-        intake.take(Pose(clock.now_ns(), (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 3))
+        intake.take(
+            Pose(
+                t_mono_ns=clock.now_ns(),
+                p_enu_m=(x, 0.0, 0.0),
+                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                v_enu_m_s=(0.0, 0.0, 0.0),
+                confidence=3,
+            )
+        )
     assert len(got) == 2 and intake.reset_counter == 1 and intake.report()["jump"] == 1

@@ -8,4 +8,6 @@ from wsr.geometry import quaternion_from_yaw
 
 def yawed_pose(t_ns: int, yaw_rad: float, x_m: float = 0.0) -> Pose:
     w, x, y, z = quaternion_from_yaw(yaw_rad).tolist()
-    return Pose(t_ns, (x_m, 0.0, 0.0), (w, x, y, z), (0.1, 0.1, 0.1), 3)
+    return Pose(
+        t_mono_ns=t_ns, p_enu_m=(x_m, 0.0, 0.0), q_enu_from_body=(w, x, y, z), v_enu_m_s=(0.1, 0.1, 0.1), confidence=3
+    )

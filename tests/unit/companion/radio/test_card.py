@@ -33,7 +33,9 @@ def heard(bodies: list[tuple[int, bytes]]) -> tuple[list[ChannelSample], Radio]:
     peers = {feit_records.MAC: 2, csi_records.MAC: 3}
     source = RecordedCsi()
     source.add(bodies)
-    radio = Radio(source, peers, ManualClock(10**9), samples.append, lambda *_: None)
+    radio = Radio(
+        source=source, peers=peers, clock=ManualClock(10**9), on_sample=samples.append, on_record=lambda *_: None
+    )
     radio.drain()
     return samples, radio
 
@@ -79,7 +81,13 @@ def test_losses_are_counted_across_the_wrap_of_the_cards_counter() -> None:
     kept = [record for i, record in enumerate(numbered) if not 20 <= i < 50 and i != 70]
     tape = RecordedCsi()
     tape.add((CSI_CODE, encode_body(record)) for record in kept)
-    radio = Radio(tape, {mac(BEACON_MAC): 2}, ManualClock(1), lambda _: None, lambda *_: None)
+    radio = Radio(
+        source=tape,
+        peers={mac(BEACON_MAC): 2},
+        clock=ManualClock(1),
+        on_sample=lambda _: None,
+        on_record=lambda *_: None,
+    )
     radio.drain()
     assert radio.counters.lost == 31
     assert radio.counters.samples == len(kept)
@@ -90,7 +98,11 @@ def test_a_record_is_stamped_when_it_arrived_however_late_it_is_read(tmp_path: P
     samples: list[ChannelSample] = []
     source, feeder = UnixSource(tmp_path / "csi"), UnixFeeder(tmp_path / "csi")
     radio = Radio(
-        source, {csi_records.MAC: 3}, MonotonicClock(), samples.append, lambda t_ns, *_: recorded_ns.append(t_ns)
+        source=source,
+        peers={csi_records.MAC: 3},
+        clock=MonotonicClock(),
+        on_sample=samples.append,
+        on_record=lambda t_ns, *_: recorded_ns.append(t_ns),
     )
     begun_us, sent_ns = time.monotonic_ns() // 1000, list[int]()
     for _ in range(4):
@@ -110,6 +122,12 @@ def test_in_a_replay_each_record_arrives_when_the_log_says() -> None:
     recorded_ns: list[int] = []
     source = RecordedCsi()
     source.add([(CSI_CODE, encode_body(csi_records.record()))] * 3, [90, None, 200])
-    radio = Radio(source, {}, ManualClock(100), lambda _: None, lambda t_ns, *_: recorded_ns.append(t_ns))
+    radio = Radio(
+        source=source,
+        peers={},
+        clock=ManualClock(100),
+        on_sample=lambda _: None,
+        on_record=lambda t_ns, *_: recorded_ns.append(t_ns),
+    )
     assert radio.drain() == 3
     assert recorded_ns == [90, 100, 100], "never after the event"

@@ -47,7 +47,7 @@ class Showing(threading.Thread):
     def run(self) -> None:
         session = open_session(GOLDEN[0])
         with Player(session, session.config(), exact=True) as player:
-            self.result = replay_with_page(player, session, self._speed, 0, self._announce, self._stay)
+            self.result = replay_with_page(player, session, self._speed, 0, announce=self._announce, stay=self._stay)
 
     def url(self) -> str:
         assert self._ready.wait(_PATIENCE_S)

@@ -55,7 +55,7 @@ def test_every_transmitter_is_shown_with_its_profile(monkeypatch: pytest.MonkeyP
 
     found = recording(link("tx2", 30.0), link("tx3", -100.0))
     path_m = np.vstack([_PATH, [[math.nan, 0.0, 0.0]]])
-    show_recording(found, path_m, "set.mcap", 0, url.append, look)
+    show_recording(found, path_m, "set.mcap", 0, announce=url.append, stay=look)
     (state,) = seen
     assert state["view"]["ended"] and state["view"]["mission"]["state"] == "recording"
     assert state["view"]["health"] == []
@@ -70,4 +70,4 @@ def test_every_transmitter_is_shown_with_its_profile(monkeypatch: pytest.MonkeyP
 
 def test_without_a_bearing_there_is_nothing_to_show() -> None:
     with pytest.raises(CompanionError, match="no bearing to show"):
-        show_recording(recording(), _PATH, "set.mcap", 0, lambda url: None, lambda: None)
+        show_recording(recording(), _PATH, "set.mcap", 0, announce=lambda url: None, stay=lambda: None)

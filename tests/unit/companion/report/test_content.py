@@ -32,7 +32,7 @@ def _gathered(folder: Path, messages: Sequence[tuple[float, Stream, Any]]) -> Fl
         writer = LogWriter(file, metadata)
         for number, (t_s, stream, message) in enumerate(messages):
             t_ns = round((_BEGIN_S + t_s) * _S)
-            writer.write(stream, t_ns, t_ns, number, message)
+            writer.write(stream, t_ns, t_ns, number, message=message)
         writer.finish()
     return gather(open_session(folder / "log.mcap"))
 
@@ -47,8 +47,8 @@ def test_what_happened_is_told_with_its_time(tmp_path: Path) -> None:
         [
             (0.0, VEHICLE, VehicleState(t_mono_ns=0, mode=FlightMode.HOLD, p_local_enu_m=(1.0, 2.0, 3.0))),
             (0.5, VEHICLE, VehicleState(t_mono_ns=0, mode=FlightMode.HOLD)),
-            (1.0, WISH, Wish(0, Event.ENGAGE, "no poses")),
-            (2.0, WISH, Wish(0, Event.ENGAGE, "", target=2)),
+            (1.0, WISH, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal="no poses")),
+            (2.0, WISH, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal="", target=2)),
             (2.5, MISSION, _step(State.IDLE, Event.ENGAGE, State.PREFLIGHT, "by a person")),
             (3.0, GATE, GateReport(0, ("too fast", "outside"))),
             (3.5, GATE, GateReport(0, ())),
@@ -76,7 +76,11 @@ def test_what_happened_is_told_with_its_time(tmp_path: Path) -> None:
 def test_who_is_flown_to_is_who_was_named_last(tmp_path: Path) -> None:
     content = _gathered(
         tmp_path,
-        [(0.0, VEHICLE, _VEHICLE), (4.0, WISH, Wish(0, Event.RETARGET, "", target=7)), (9.0, VEHICLE, _VEHICLE)],
+        [
+            (0.0, VEHICLE, _VEHICLE),
+            (4.0, WISH, Wish(t_mono_ns=0, wish=Event.RETARGET, refusal="", target=7)),
+            (9.0, VEHICLE, _VEHICLE),
+        ],
     )
     assert (content.target_at(3.9), content.target_at(4.0)) == (content.config.target, 7)
     assert content.peer_name(7) == "7", "of whom the configuration knows nothing"

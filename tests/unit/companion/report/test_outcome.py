@@ -16,7 +16,7 @@ from companion.report.outcome import _WHY, Closest, outcome, shared_sign
 Step = tuple[float, dict[str, Any]]
 
 
-def step(t_s: float, state: str, event: str, then: str, reason: str | None = None) -> Step:
+def step(t_s: float, state: str, event: str, then: str, *, reason: str | None = None) -> Step:
     return t_s, {"state": state, "event": event, "next_state": then, "reason": event if reason is None else reason}
 
 
@@ -44,7 +44,7 @@ def test_a_target_that_was_reached() -> None:
         (step(42.0, "approaching", "mode_lost", "latched"), "a pilot or a failsafe took the mode 40 s"),
         (step(42.0, "approaching", "battery_low", "landing"), "the battery was low 40 s"),
         (step(42.0, "holding", "timeout", "landing"), "it took longer than its limit 40 s after"),
-        (step(42.0, "taking_off", "takeoff_failed", "latched", "denied"), "the take-off failed (denied) 40 s"),
+        (step(42.0, "taking_off", "takeoff_failed", "latched", reason="denied"), "the take-off failed (denied) 40 s"),
     ],
 )  # fmt: skip
 def test_what_stopped_it(last: Step, expected: str) -> None:
@@ -58,7 +58,7 @@ def test_only_the_first_end_of_a_flight_counts() -> None:
 
 
 def test_a_log_that_ends_in_flight_and_the_services_own_end() -> None:
-    ended = step(20.0, "approaching", "task_failed", "fault", SERVICE_ENDS)
+    ended = step(20.0, "approaching", "task_failed", "fault", reason=SERVICE_ENDS)
     told = outcome([*TAKEN_OFF, ended], Closest(end_m=9.0, nearest_m=4.0), 3, 20.0)
     assert told == (
         "Did not reach the target: the log ends while approaching, 9.0 m from it in truth; "
@@ -68,7 +68,7 @@ def test_a_log_that_ends_in_flight_and_the_services_own_end() -> None:
 
 def test_nobody_flew() -> None:
     assert outcome([], Closest(), 14, 72.0) == "Nobody flew: 72 s were recorded, with 14 bearings."
-    refused = [step(1.0, "preflight", "preflight_failed", "idle", "preflight_failed: no packets")]
+    refused = [step(1.0, "preflight", "preflight_failed", "idle", reason="preflight_failed: no packets")]
     assert outcome(refused, Closest(), 0, 5.0) == "Did not fly: preflight_failed: no packets."
 
 

@@ -55,7 +55,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if message.topic == BEARING.topic:
                 data, source = encoded(PROFILE, message.log_time_ns, _profile_of(message))
                 times = (message.log_time_ns, message.publish_time_ns)
-                writer.copy(PROFILE.topic, PROFILE.encoding, schema_of(source), times, message.sequence, data)
+                writer.copy(
+                    PROFILE.topic, PROFILE.encoding, schema_of(source), times, sequence=message.sequence, data=data
+                )
         writer.finish()
     azimuth_rad = math.radians(-60.53)  # where the demo's seed 1 places the beacon, 15 m from the start
     beacon = {"beacon": (15 * math.cos(azimuth_rad), 15 * math.sin(azimuth_rad), 0.3)}

@@ -21,7 +21,7 @@ class _Sender:
         self.ticks: list[int] = []
 
     def add_channel(
-        self, frame: int | None, t_ns: int, nic_us: int, csi: np.ndarray, power_dbm: float, antenna: int, **more: Any
+        self, frame: int | None, t_ns: int, nic_us: int, csi: np.ndarray, *, power_dbm: float, antenna: int, **more: Any
     ) -> None:
         self.frames.append(frame)
         self.channels.append(csi)

@@ -15,19 +15,11 @@ from companion.config.schema import Config
 from companion.core.clock import MonotonicClock
 from companion.core.event_clock import EventClock
 from companion.core.inputs import Event, Wish
-from companion.core.streams import WISH, Stream
+from companion.core.streams import WISH
 from companion.roles import ground
 from companion.roles.ground import Ground
+from tests.kept import Kept
 from tests.paths import CONFIGS
-
-
-class Kept:
-    failed = False
-
-    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None: ...
-
-    def counters(self) -> dict[str, int]:
-        return {}
 
 
 class Sent:
@@ -66,10 +58,10 @@ async def test_a_link_that_is_closed_is_waited_out(monkeypatch: pytest.MonkeyPat
     on = Ground(configured(4.0), EventClock(MonotonicClock()), Kept())
     on.start(status, GroundStation(sent, lambda: 0))
     sent.is_closed = True
-    on.recorder.record(WISH, 0, Wish(0, Event.ENGAGE, "lost with the link"))
+    on.recorder.record(WISH, 0, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal="lost with the link"))
     await asyncio.sleep(0.1)
     sent.is_closed = False
-    on.recorder.record(WISH, 0, Wish(0, Event.ENGAGE, "said"))
+    on.recorder.record(WISH, 0, Wish(t_mono_ns=0, wish=Event.ENGAGE, refusal="said"))
     async with asyncio.timeout(10):
         while len(set(sent.names)) < 2:  # noqa: ASYNC110 - it is polled
             await asyncio.sleep(0.01)

@@ -29,6 +29,7 @@ from companion.core.streams import CSI, POSE, POSE_IN, PROFILE, SETPOINT, TICK, 
 from companion.errors import ConfigError
 from companion.log.encoding import encoded, schema_of
 from companion.roles.live import LIVE, LiveStreams
+from tests.kept import Kept
 from tests.live_viewer import viewing
 from tests.paths import CONFIGS
 from tests.unit.companion.roles.test_page import children, free_tcp_port
@@ -37,25 +38,12 @@ _PATIENCE_S = 120.0
 _SECONDS = 6.0
 
 
-class Kept:
-    """A log in memory."""
-
-    failed = False
-
-    def __init__(self) -> None:
-        self.messages: list[tuple[Stream, int, Any]] = []
-
-    def record(self, stream: Stream, t_mono_ns: int, message: Any) -> None:
-        self.messages.append((stream, t_mono_ns, message))
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-
 def told(now_ns: int, number: int) -> list[tuple[Stream, Any]]:
     """What a flight records in 5 ms number `number`: packets, poses, and what the loop makes of them at 20 Hz."""
     place = (0.01 * number, 0.5, 1.5)
-    pose = Pose(now_ns, place, (1.0, 0.0, 0.0, 0.0), (0.1, 0.0, 0.0), 3)
+    pose = Pose(
+        t_mono_ns=now_ns, p_enu_m=place, q_enu_from_body=(1.0, 0.0, 0.0, 0.0), v_enu_m_s=(0.1, 0.0, 0.0), confidence=3
+    )
     messages: list[tuple[Stream, Any]] = [(CSI, bytes(231)), (POSE_IN, pose_bytes(pose))]
     if number % 4 == 0:
         messages.append((POSE, pose))

@@ -180,7 +180,7 @@ def test_the_edge_of_fence_acceleration_and_telemetry() -> None:
 
 def _neighbour_verdict(x_m: float, neighbour: Vector3, own: Vector3 = (1.0, 2.0, 1.5)) -> tuple[Reason, ...]:
     offered = dataclasses.replace(_GOOD, p_local_enu_m=(x_m, 2.0, 1.5))
-    return _GATE.check(offered, _at(own), _NOW_NS, True, [(-9.0, -9.0, 0.0), neighbour]).reasons
+    return _GATE.check(offered, _at(own), _NOW_NS, True, neighbours=[(-9.0, -9.0, 0.0), neighbour]).reasons
 
 
 def test_a_neighbour_is_kept_at_a_distance() -> None:
@@ -249,7 +249,7 @@ def test_without_an_angle_nothing_is_turned() -> None:
 def test_several_reasons_are_all_named() -> None:
     wild = Setpoint(_NOW_NS - 10**9, (99.0, 0.0, -3.0), (5.0, 0.0, 5.0), 0.0)
     nobody_there = (math.nan, 0.0, 0.0)
-    reasons = _GATE.check(wild, _STATE, _NOW_NS, True, [nobody_there]).reasons
+    reasons = _GATE.check(wild, _STATE, _NOW_NS, True, neighbours=[nobody_there]).reasons
     assert set(reasons) == set(Reason) - {Reason.MODE, Reason.NO_POSITION, Reason.NOT_FINITE}
 
 
@@ -285,7 +285,7 @@ def test_fault_11_no_bad_set_point_of_a_random_plan_passes() -> None:
         t_ns = _NOW_NS - rng.choice([0, 10**6, 10**8, 3 * 10**8, -(10**6)])
         x, y, z, vx, vy, vz, yaw = (number() for _ in range(7))
         offered = Setpoint(t_ns, (1 + x, 2 + y, 1.5 + z), (vx, vy, vz), yaw)
-        sent = _GATE.check(offered, _STATE, _NOW_NS, True, [neighbour]).setpoint
+        sent = _GATE.check(offered, _STATE, _NOW_NS, True, neighbours=[neighbour]).setpoint
         bad += sent is None or is_bad(sent)
         passed += sent is offered
     record(11, offered=offers, passed_unchanged=passed, bad_passed=bad)

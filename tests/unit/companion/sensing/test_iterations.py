@@ -26,7 +26,7 @@ _SPEED_M_S = 0.5
 def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = math.inf) -> list[Iteration]:
     """Of a straight flight past a neighbour that nobody hears; the autopilot's frame is turned against the poses."""
     clock = ManualClock(NS_PER_S)
-    window = SarWindow((0.0, 0.0, 0.0), wavelength_m(108), 80, 0.05)
+    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
     config = ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3)
     sar = SarIterations(
         window=window,
@@ -46,7 +46,15 @@ def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = mat
         clock.advance(0.02)
         now_ns = clock.now_ns()
         gone_m = _SPEED_M_S * (now_ns - begun_ns) / NS_PER_S
-        window.add_pose(Pose(now_ns, (gone_m, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (_SPEED_M_S, 0.0, 0.0), 3))
+        window.add_pose(
+            Pose(
+                t_mono_ns=now_ns,
+                p_enu_m=(gone_m, 0.0, 1.0),
+                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                v_enu_m_s=(_SPEED_M_S, 0.0, 0.0),
+                confidence=3,
+            )
+        )
         jumped_m = 8.0 if now_ns - begun_ns > jumps_at_s * NS_PER_S else 0.0
         along = gone_m * math.cos(turned_rad), gone_m * math.sin(turned_rad) + jumped_m
         sar.add_local_position(now_ns, (*along, 1.0))

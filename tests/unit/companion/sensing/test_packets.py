@@ -20,7 +20,9 @@ from tests.manual_clock import ManualClock
 
 def _heard(records: list[CsiRecord]) -> list[ChannelSample]:
     tape, samples, clock = RecordedCsi(), list[ChannelSample](), ManualClock(10**9)
-    radio = Radio(tape, {csi_records.MAC: 2}, clock, samples.append, lambda *_: None)
+    radio = Radio(
+        source=tape, peers={csi_records.MAC: 2}, clock=clock, on_sample=samples.append, on_record=lambda *_: None
+    )
     for number, record in enumerate(records):
         clock.advance(0.005)
         stamped = replace(record, frame_count=number, timestamp_low_us=number * 5000)

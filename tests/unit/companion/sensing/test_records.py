@@ -15,7 +15,10 @@ _ORIGIN = (0.0, 0.0, 0.0)
 
 
 def _bearing(turn: FrameTurn) -> Bearing:
-    paths = (Peak(0.5, 1.4, 0.8, 1.0), Peak(-2.0, 1.6, 0.2, 0.25))
+    paths = (
+        Peak(azimuth_rad=0.5, polar_rad=1.4, power=0.8, relative_power=1.0),
+        Peak(azimuth_rad=-2.0, polar_rad=1.6, power=0.2, relative_power=0.25),
+    )
     estimate = AoaEstimate(
         azimuth_rad=0.5,
         polar_rad=1.4,

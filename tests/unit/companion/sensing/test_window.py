@@ -59,7 +59,7 @@ def test_lost_datagrams_cost_packets_not_the_bearing() -> None:
 
 def test_refusals_say_what_is_missing() -> None:
     scene = Scene(math.radians(45))
-    empty = SarWindow(LEVER_M, wavelength_m(108), 80, 0.05)
+    empty = SarWindow(antenna_m=LEVER_M, wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
     assert "no packets of beacon" in scene.cut(window=empty).refusal
     assert "has its reverse channel" in scene.cut(datagrams=[]).refusal
     for sample in scene.forward:
@@ -71,7 +71,7 @@ def test_refusals_say_what_is_missing() -> None:
 
 def test_a_pose_gap_drops_its_packets() -> None:
     scene = Scene(math.radians(45))
-    window = SarWindow(LEVER_M, wavelength_m(108), 80, 0.05)
+    window = SarWindow(antenna_m=LEVER_M, wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
     for pose in poses_of(scene.uav, 0):
         if not 1.5 < pose.t_mono_ns / NS_PER_S < 1.8:
             window.add_pose(pose)
@@ -85,8 +85,10 @@ def test_the_window_keeps_samples_of_both_cards() -> None:
     for _ in range(2):
         tape.add([(FEITCSI_CODE, encode_record(feit_records.record())), (CSI_CODE, encode_body(csi_records.record()))])
     peers = {feit_records.MAC: 2, csi_records.MAC: 3}
-    Radio(tape, peers, ManualClock(10**9), samples.append, lambda *_: None).drain()
-    window = SarWindow((0.0, 0.0, 0.0), 0.054, 20, 0.05)
+    Radio(
+        source=tape, peers=peers, clock=ManualClock(10**9), on_sample=samples.append, on_record=lambda *_: None
+    ).drain()
+    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=0.054, min_packets=20, max_pose_gap_s=0.05)
     for sample in samples:
         window.add_sample(sample)
         window.add_sample(sample._replace(peer=4))

@@ -20,8 +20,8 @@ from tests.feit_records import same
 from tests.sim_scenes import CLEAN_RADIO, scene, straight, weave
 
 Width = Literal[20, 40, 80, 160]
-STILL = straight(np.array([0.0, 0.0, 1.5]), np.zeros(3), 1.0, 0.6, 0.0)
-AWAY = straight(np.array([8.0, 0.0, 1.1]), np.zeros(3), 1.0, 0.6, 0.0)
+STILL = straight(np.array([0.0, 0.0, 1.5]), np.zeros(3), 1.0, 0.6, yaw_rad=0.0)
+AWAY = straight(np.array([8.0, 0.0, 1.1]), np.zeros(3), 1.0, 0.6, yaw_rad=0.0)
 
 
 def world(width_mhz: Width, seed: int = 3) -> Scenario:
@@ -96,7 +96,7 @@ def test_answers_come_a_jittered_millisecond_later() -> None:
 
 def test_the_same_records_come_in_whatever_pieces() -> None:
     world_ = replace(world(40, 9), radio=replace(ax210_radio(CLEAN_RADIO, 40), loss_probability=0.1))
-    uav, beacon = weave(2.0), straight(np.array([9.0, 0.0, 0.5]), np.zeros(3), 0.0, 3.0, 0.0)
+    uav, beacon = weave(2.0), straight(np.array([9.0, 0.0, 0.5]), np.zeros(3), 0.0, 3.0, yaw_rad=0.0)
     whole = AxRadioLink(world_).advance(1.8, uav, beacon)
     link = AxRadioLink(world_)
     pieces: tuple[list[FeitRecord], list[FeitRecord]] = ([], [])

@@ -52,7 +52,7 @@ def _log(path: Path, *iterations: LoggedIteration) -> Path:
     with path.open("wb") as file:
         writer = LogWriter(file, {"role": "uav", "name": "uav", "config": "{}"})
         for number, one in enumerate(iterations):
-            writer.write(BEARING, number, number, number, one)
+            writer.write(BEARING, number, number, number, message=one)
         writer.finish()
     return path
 

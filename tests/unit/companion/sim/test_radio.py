@@ -56,8 +56,8 @@ def _coherence(values: Complex) -> float:
 
 def _still(distance_m: float, duration_s: float = 2.0, start_s: float = 1.0) -> tuple[Trajectory, Trajectory]:
     none = np.zeros(3)
-    uav = straight(np.array([0.0, 0.0, 1.5]), none, start_s, duration_s, 0.0)
-    return uav, straight(np.array([distance_m, 0.0, 1.1]), none, start_s, duration_s, 0.0)
+    uav = straight(np.array([0.0, 0.0, 1.5]), none, start_s, duration_s, yaw_rad=0.0)
+    return uav, straight(np.array([distance_m, 0.0, 1.1]), none, start_s, duration_s, yaw_rad=0.0)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -85,7 +85,7 @@ def _bearing_error_deg(seed: int, true: Array, distance_m: float, heading_rad: f
     levers_m = np.array(scenario.uav.antennas_m), np.array(scenario.beacon.antennas_m)
     middle_m = uav.antennas_at(uav.t_s, levers_m[0])[:, 0].mean(axis=0)
     drive = 0.1 * direction(heading_rad + 2.0, math.pi / 2) * (seed % 2)
-    beacon = straight(middle_m + distance_m * true - levers_m[1][0], drive, uav.t_s[0], 3.0, 1.0)
+    beacon = straight(middle_m + distance_m * true - levers_m[1][0], drive, uav.t_s[0], 3.0, yaw_rad=1.0)
     t_s, _, forward, reverse = _exchanged(scenario, uav, beacon)
     ours_m, theirs_m = uav.antennas_at(t_s, levers_m[0])[:, 0], beacon.antennas_at(t_s, levers_m[1])[:, 0]
     relative_m = ours_m - theirs_m
@@ -109,7 +109,7 @@ def _refined(chi_m: Array, product: Complex, azimuth_rad: float, polar_rad: floa
 def test_the_product_turns_with_the_sum_of_both_distances() -> None:
     scenario = scene(3, replace(CLEAN_RADIO, tx_power_dbm=30.0), uav_ppm=1.0, beacon_ppm=1.0)
     uav = weave(0.7)
-    beacon = straight(np.array([3.0, -4.0, 0.2]), np.array([0.1, 0.0, 0.0]), uav.t_s[0], 3.0, 2.0)
+    beacon = straight(np.array([3.0, -4.0, 0.2]), np.array([0.1, 0.0, 0.0]), uav.t_s[0], 3.0, yaw_rad=2.0)
     t_ping_s, t_answer_s, forward, reverse = _exchanged(scenario, uav, beacon)
     turns = np.zeros(len(t_ping_s))
     for t_s in (t_ping_s, t_answer_s):

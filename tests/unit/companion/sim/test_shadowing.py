@@ -33,8 +33,8 @@ def test_the_same_seed_gives_the_same_field() -> None:
 
 
 def test_both_ends_hear_each_other_so_much_more_softly() -> None:
-    uav = straight(np.array([0.0, 0.0, 1.5]), np.array([0.5, 0.0, 0.0]), 1.0, 6.0, 0.0)
-    beacon = straight(np.array([12.0, 0.0, 0.5]), np.zeros(3), 1.0, 6.0, 0.0)
+    uav = straight(np.array([0.0, 0.0, 1.5]), np.array([0.5, 0.0, 0.0]), 1.0, 6.0, yaw_rad=0.0)
+    beacon = straight(np.array([12.0, 0.0, 0.5]), np.zeros(3), 1.0, 6.0, yaw_rad=0.0)
     clear = scene(radio=CLEAN_RADIO)
     shaded = replace(clear, radio=replace(CLEAN_RADIO, shadowing_db=4.0))
     expected = [

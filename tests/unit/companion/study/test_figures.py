@@ -23,7 +23,7 @@ def test_what_is_infinite_never_comes_below() -> None:
 
 def test_groups_share_their_x_and_have_marks_of_their_own() -> None:
     axes = Figure().subplots()
-    draw_lines(axes, [1, 2], {"a": [3.0, 4.0], "b": [5.0, math.nan]}, "packets", "error")
+    draw_lines(axes, [1, 2], {"a": [3.0, 4.0], "b": [5.0, math.nan]}, "packets", ylabel="error")
     first, second = axes.get_lines()
     assert np.asarray(first.get_xydata()).tolist() == [[1, 3], [2, 4]]
     assert first.get_marker() != second.get_marker()

@@ -16,7 +16,7 @@ SHAPE = LegShape(length_m=1.2, lateral_m=0.12, vertical_m=0.1, speed_m_s=0.5, ac
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_leg_keeps_its_promises(azimuth_deg: float, side: int) -> None:
     azimuth_rad = math.radians(azimuth_deg)
-    leg = plan_leg((1.0, -2.0, 1.5), azimuth_rad, 1.5, side, SHAPE)
+    leg = plan_leg((1.0, -2.0, 1.5), azimuth_rad, 1.5, side, shape=SHAPE)
     p, v = leg.p_local_enu_m, leg.v_local_enu_m_s
     np.testing.assert_allclose(p[0], (1.0, -2.0, 1.5), atol=1e-9)
     advance = p[-1] - p[0]
@@ -30,6 +30,6 @@ def test_a_leg_keeps_its_promises(azimuth_deg: float, side: int) -> None:
 
 
 def test_a_leg_returns_to_its_height() -> None:
-    leg = plan_leg((0.0, 0.0, 1.2), 0.0, 1.5, 1, SHAPE)
+    leg = plan_leg((0.0, 0.0, 1.2), 0.0, 1.5, 1, shape=SHAPE)
     assert leg.p_local_enu_m[-1, 2] == pytest.approx(1.5)
     assert leg.at(leg.duration_s + 5) == ((*leg.p_local_enu_m[-1],), (0.0, 0.0, 0.0))

@@ -13,7 +13,10 @@ from companion.study.study import Finding, Outcome, Value
 
 _OUTCOME = Outcome(
     study="drift", title="Drift <of> poses", figures=("Fig. 8",), seed=1, trials=3, elapsed_s=2.0,
-    findings=[Finding("median <error>", 4.567, 7.6, "deg"), Finding("share", 50.0, None, "%", (20.0, 80.0))],
+    findings=[
+        Finding(quantity="median <error>", ours=4.567, paper=7.6, unit="deg"),
+        Finding(quantity="share", ours=50.0, unit="%", interval=(20.0, 80.0)),
+    ],
     notes=["Poses & clocks."], rows=[{"a": math.inf}],
 )  # fmt: skip
 

@@ -58,7 +58,9 @@ class Beside:
 @asynccontextmanager
 async def running(news: Callable[[int], News]) -> AsyncIterator[tuple[TeamProcess, Kept, Beside]]:
     kept, beside = Kept(), Beside()
-    team = TeamProcess(1, {2: "two", 3: "three"}, EventClock(MonotonicClock()), kept, news)
+    team = TeamProcess(
+        own=1, names={2: "two", 3: "three"}, clock=EventClock(MonotonicClock()), recorder=kept, news=news
+    )
     team.start()
     ticking = asyncio.create_task(beside.run())
     try:

@@ -14,7 +14,13 @@ from tests.unit.companion.team.test_factors import sightings
 def between(rng: np.random.Generator, keyframes: int, robots: int) -> Between:
     ways_m = rng.normal(0.0, 0.7, (keyframes - 1, robots, 3))
     nothing = np.zeros((keyframes - 1, robots))
-    return Between(ways_m, nothing, np.linalg.norm(ways_m, axis=2), nothing > 0, 2.0)
+    return Between(
+        moved_m=ways_m,
+        unknown_m=nothing,
+        length_m=np.linalg.norm(ways_m, axis=2),
+        is_new_frame=nothing > 0,
+        elapsed_s=2.0,
+    )
 
 
 def window(keyframes: int = 4, robots: int = 3, seed: int = 1) -> tuple[Problem, np.ndarray]:

@@ -43,6 +43,7 @@ def helix(
     wavelength_m: float,
     azimuth_rad: ArrayLike,
     polar_rad: ArrayLike,
+    *,
     phase: Phase = "known",
     round_trip: bool = False,
 ) -> MeanInformation:
@@ -71,6 +72,7 @@ def line(
     length_m: float,
     along: ArrayLike,
     wavelength_m: float,
+    *,
     azimuth_rad: ArrayLike,
     polar_rad: ArrayLike,
     phase: Phase = "known",

@@ -37,12 +37,14 @@ def least_amplitude(
 def _peak(true_m: Array, estimated_m: Array, azimuth: float, polar: float) -> tuple[Array, float]:
     g = np.exp(4j * np.pi / WAVELENGTH_M * true_m @ direction(azimuth, polar))
     found = find_peaks(bartlett_profile(estimated_m, g, WAVELENGTH_M), 1)[0]
-    azimuth, polar, power = refine_peak(estimated_m, g, WAVELENGTH_M, found.azimuth_rad, found.polar_rad)
+    azimuth, polar, power = refine_peak(
+        estimated_m, g, WAVELENGTH_M, azimuth_rad=found.azimuth_rad, polar_rad=found.polar_rad
+    )
     return direction(azimuth, polar), power
 
 
 def _amplitude_towards(
-    chi_m: Array, estimated_m: Array, wavelength_m: float, azimuth_rad: float, polar_rad: float
+    chi_m: Array, estimated_m: Array, wavelength_m: float, *, azimuth_rad: float, polar_rad: float
 ) -> float:
     """|sum| / M of unit channels of a source at (azimuth, polar angle), steered there with estimated positions."""
     u = direction(azimuth_rad, polar_rad)
@@ -93,16 +95,18 @@ def test_bounded_offsets_keep_the_corrected_cosine_and_not_the_printed_one() -> 
         chi = radius * direction(rng.uniform(-3, 3, 400), rng.uniform(0.2, 2.9, 400))
         azimuth, polar = rng.uniform(-3, 3), rng.uniform(0.2, 2.9)
         estimated = with_angular_drift(chi, rng.uniform(-delta, delta, 400), rng.uniform(-mu, mu, 400))
-        lowest = min(lowest, _amplitude_towards(chi, estimated, WAVELENGTH_M, azimuth, polar))
+        lowest = min(lowest, _amplitude_towards(chi, estimated, WAVELENGTH_M, azimuth_rad=azimuth, polar_rad=polar))
     assert bound < lowest < printed
     alternating = delta * np.where(np.arange(400) % 2, 1.0, -1.0)
     chi = radius * direction(np.full(400, AZIMUTH + math.pi / 2), math.pi / 2)
-    worst = _amplitude_towards(chi, with_angular_drift(chi, alternating, 0.0), WAVELENGTH_M, AZIMUTH, math.pi / 2)
+    worst = _amplitude_towards(
+        chi, with_angular_drift(chi, alternating, 0.0), WAVELENGTH_M, azimuth_rad=AZIMUTH, polar_rad=math.pi / 2
+    )
     assert worst == pytest.approx(least_amplitude(radius, WAVELENGTH_M, delta, 0.0), abs=1e-4)
     assert worst < math.cos(4 * math.pi * radius / WAVELENGTH_M * delta / 2) - 0.05  # the half is lost as well
     upright = radius * direction(AZIMUTH, np.full(400, 0.4))
     moved = with_angular_drift(upright, 0.0, mu * np.where(np.arange(400) % 2, 1.0, -1.0))
-    worst = _amplitude_towards(upright, moved, WAVELENGTH_M, AZIMUTH, 0.4 + math.pi / 2)
+    worst = _amplitude_towards(upright, moved, WAVELENGTH_M, azimuth_rad=AZIMUTH, polar_rad=0.4 + math.pi / 2)
     assert worst == pytest.approx(least_amplitude(radius, WAVELENGTH_M, 0.0, mu), abs=1e-4)
 
 

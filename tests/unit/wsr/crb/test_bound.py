@@ -42,18 +42,18 @@ def test_fim_is_the_gauss_newton_matrix_of_the_phases(phase: str) -> None:
     ]
     full = np.array([[np.sum(a * b / variance) for b in columns] for a in columns])
     if phase == "known":
-        got = fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, variance, "known")
+        got = fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=variance, phase="known")
         np.testing.assert_allclose(got, full[:2, :2], rtol=1e-6)
     else:
-        got = fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, variance, "unknown")
+        got = fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=variance, phase="unknown")
         schur = full[:2, :2] - np.outer(full[:2, 2], full[2, :2]) / full[2, 2]
         np.testing.assert_allclose(got, schur, rtol=1e-5)
 
 
 def test_bound_is_the_inverse_and_its_great_circle() -> None:
     chi = weave(80)[1]
-    inverse = np.linalg.inv(fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, 0.25))
-    bound = crb(chi, WAVELENGTH_M, AZIMUTH, POLAR, 0.25)
+    inverse = np.linalg.inv(fim(chi, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=0.25))
+    bound = crb(chi, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=0.25)
     assert bound.azimuth_rad2 == pytest.approx(inverse[0, 0])
     assert bound.polar_rad2 == pytest.approx(inverse[1, 1])
     assert bound.covariance_rad2 == pytest.approx(inverse[0, 1])
@@ -80,10 +80,10 @@ def test_maximum_of_the_profile_reaches_the_bound() -> None:
     errors = []
     for _ in range(300):
         g = clean * np.exp(0.3j * rng.normal(size=150))
-        azimuth, polar, _ = refine_peak(chi, g, WAVELENGTH_M, AZIMUTH, POLAR)
+        azimuth, polar, _ = refine_peak(chi, g, WAVELENGTH_M, azimuth_rad=AZIMUTH, polar_rad=POLAR)
         errors.append((float(wrap_angle(azimuth - AZIMUTH)), polar - POLAR))
     measured = np.var(np.array(errors), axis=0)
-    bound = crb(chi, WAVELENGTH_M, AZIMUTH, POLAR, 0.09)
+    bound = crb(chi, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=0.09)
     np.testing.assert_allclose(measured, [bound.azimuth_rad2, bound.polar_rad2], rtol=0.25)
 
 
@@ -153,19 +153,24 @@ def test_closed_forms_are_means_over_the_path(phase: Phase) -> None:
     along, length = direction(0.4, 1.0), 2.0
     line_m = length * (np.arange(4096)[:, None] + 0.5) / 4096 * along
     for chi, closed in (
-        (helix_m, closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)),
+        (helix_m, closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase=phase)),
         (circle_m, closed_forms.circle(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS)),
-        (line_m, closed_forms.line(length, along, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)),
+        (line_m, closed_forms.line(length, along, WAVELENGTH_M, azimuth_rad=_AZIMUTHS, polar_rad=_POLARS, phase=phase)),
     ):
-        mean = np.array([fim(chi, WAVELENGTH_M, p, t, 1.0, phase, round_trip=False) for p, t in directions]) / len(chi)
+        mean = np.array(
+            [
+                fim(chi, WAVELENGTH_M, p, t, phase_variance_rad2=1.0, phase=phase, round_trip=False)
+                for p, t in directions
+            ]
+        ) / len(chi)
         size = float(np.abs(mean).max())
         np.testing.assert_allclose(closed.a, mean[:, 1, 1], rtol=1e-6, atol=1e-9 * size)
         np.testing.assert_allclose(closed.b, mean[:, 0, 0], rtol=1e-6, atol=1e-9 * size)
         np.testing.assert_allclose(closed.c, mean[:, 0, 1], rtol=1e-6, atol=1e-9 * size)
-    one_way = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase)
-    product = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase, round_trip=True)
+    one_way = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase=phase)
+    product = closed_forms.helix(radius, WAVELENGTH_M, _AZIMUTHS, _POLARS, phase=phase, round_trip=True)
     np.testing.assert_allclose(_determinant(product), 16 * _determinant(one_way))
-    determinant = _determinant(closed_forms.line(length, along, WAVELENGTH_M, _AZIMUTHS, _POLARS))
+    determinant = _determinant(closed_forms.line(length, along, WAVELENGTH_M, azimuth_rad=_AZIMUTHS, polar_rad=_POLARS))
     assert np.abs(determinant).max() < 1e-9 * size**2
 
 

@@ -41,7 +41,7 @@ def test_towards_the_source_it_is_the_bound_at_the_noise_of_the_channel() -> Non
     aperture = _aperture(*weave(600), noise_rad=0.3)
     got = informativeness(aperture, AZIMUTH, POLAR)
     assert got.phase_variance_rad2 == pytest.approx(0.09, rel=0.2)
-    at = crb(aperture.chi_m, WAVELENGTH_M, AZIMUTH, POLAR, got.phase_variance_rad2).great_circle_rad
+    at = crb(aperture.chi_m, WAVELENGTH_M, AZIMUTH, POLAR, phase_variance_rad2=got.phase_variance_rad2).great_circle_rad
     assert got.source_per_rad2 == pytest.approx(at**-2, rel=1e-8)
     twice = informativeness(aperture, AZIMUTH, POLAR, phase_variance_rad2=2 * got.phase_variance_rad2)
     assert twice.source_per_rad2 == pytest.approx(got.source_per_rad2 / 2)
@@ -53,12 +53,12 @@ def test_worst_case_is_the_least_of_the_grid_and_says_where() -> None:
     got = informativeness(aperture, AZIMUTH, POLAR, 0.1)
     grid = sphere_prior()
     values = [
-        crb(aperture.chi_m, WAVELENGTH_M, a, p, 0.1).great_circle_rad ** -2
+        crb(aperture.chi_m, WAVELENGTH_M, a, p, phase_variance_rad2=0.1).great_circle_rad ** -2
         for a, p in zip(grid.azimuth_rad.tolist(), grid.polar_rad.tolist(), strict=True)
     ]
     assert grid.azimuth_rad.size == 72 * 36
     assert got.worst_per_rad2 == pytest.approx(min(values))
-    at = crb(aperture.chi_m, WAVELENGTH_M, got.worst_azimuth_rad, got.worst_polar_rad, 0.1)
+    at = crb(aperture.chi_m, WAVELENGTH_M, got.worst_azimuth_rad, got.worst_polar_rad, phase_variance_rad2=0.1)
     assert at.great_circle_rad**-2 == pytest.approx(min(values))
     assert got.worst_per_rad2 < got.percentile_per_rad2 < got.source_per_rad2 * 100
     share = np.average(np.array(values) >= got.percentile_per_rad2 * (1 - 1e-9), weights=grid.weight)

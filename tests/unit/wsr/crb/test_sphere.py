@@ -21,11 +21,13 @@ PHASES: tuple[Phase, Phase] = ("known", "unknown")
 @pytest.mark.parametrize("round_trip", [True, False])
 def test_many_directions_are_the_scalar_bound_each(phase: Phase, round_trip: bool) -> None:
     chi, variance = weave(70)[1] - weave(70)[1].mean(axis=0), np.linspace(0.1, 0.5, 70)
-    factor = scatter_factor(chi, WAVELENGTH_M, variance, phase, round_trip)
+    factor = scatter_factor(chi, WAVELENGTH_M, variance, phase, round_trip=round_trip)
     field = crb_over(factor, AZIMUTH, POLAR)
     for i, (azimuth, polar) in enumerate(zip(AZIMUTH.tolist(), POLAR.tolist(), strict=True)):
-        one = crb(chi, WAVELENGTH_M, azimuth, polar, variance, phase, round_trip)
-        single = fim(chi, WAVELENGTH_M, azimuth, polar, variance, phase, round_trip)
+        one = crb(chi, WAVELENGTH_M, azimuth, polar, phase_variance_rad2=variance, phase=phase, round_trip=round_trip)
+        single = fim(
+            chi, WAVELENGTH_M, azimuth, polar, phase_variance_rad2=variance, phase=phase, round_trip=round_trip
+        )
         assert field.azimuth_rad2[i] == pytest.approx(one.azimuth_rad2, rel=1e-8)
         assert field.polar_rad2[i] == pytest.approx(one.polar_rad2, rel=1e-8)
         assert field.covariance_rad2[i] == pytest.approx(one.covariance_rad2, rel=1e-6, abs=1e-12)

@@ -17,9 +17,9 @@ from wsr.estimators.trust import Evidence, model_error_rad, reliability
 from wsr.geometry import direction
 
 AT = (2.1, 1.2)
-BEST = Peak(*AT, power=0.81, relative_power=1.0)
+BEST = Peak(azimuth_rad=AT[0], polar_rad=AT[1], power=0.81, relative_power=1.0)
 IMAGE = replace(BEST, polar_rad=math.pi - AT[1])
-RIVAL = Peak(-1.0, 1.4, power=0.27, relative_power=1 / 3)
+RIVAL = Peak(azimuth_rad=-1.0, polar_rad=1.4, power=0.27, relative_power=1 / 3)
 
 
 def _aperture(t: Array, p: Array, noise_rad: float = 0.2) -> Aperture:
@@ -28,8 +28,8 @@ def _aperture(t: Array, p: Array, noise_rad: float = 0.2) -> Aperture:
 
 def test_the_bound_is_that_of_the_noise_that_is_left() -> None:
     aperture = _aperture(*weave(400))
-    estimate = describe(aperture, aperture.channel, BEST, None, (RIVAL,))
-    limit = crb(aperture.chi_m, WAVELENGTH_M, *AT, 0.2**2)
+    estimate = describe(aperture, aperture.channel, BEST, None, others=(RIVAL,))
+    limit = crb(aperture.chi_m, WAVELENGTH_M, *AT, phase_variance_rad2=0.2**2)
     assert estimate.crb_rad == pytest.approx(limit.great_circle_rad, rel=0.1)
     assert estimate.azimuth_std_rad == pytest.approx(math.sqrt(limit.azimuth_rad2), rel=0.6)
     assert estimate.covariance[2][2] == math.inf
@@ -38,7 +38,7 @@ def test_the_bound_is_that_of_the_noise_that_is_left() -> None:
 
 def test_without_evidence_reliability_is_coherence_times_lead() -> None:
     aperture = _aperture(*weave(400))
-    estimate = describe(aperture, aperture.channel, BEST, None, (RIVAL,))
+    estimate = describe(aperture, aperture.channel, BEST, None, others=(RIVAL,))
     assert estimate.coherence == pytest.approx(0.9)
     assert estimate.reliability == pytest.approx(0.9 * (1 - 1 / 3))
     assert estimate.paths == (BEST, RIVAL)
@@ -46,8 +46,8 @@ def test_without_evidence_reliability_is_coherence_times_lead() -> None:
 
 def test_with_evidence_its_error_and_reliability_are_taken() -> None:
     aperture, evidence = _aperture(*weave(400)), Evidence(0.7, 0.2, 10.0)
-    bare = describe(aperture, aperture.channel, BEST, None, ())
-    told = describe(aperture, aperture.channel, BEST, None, (), evidence)
+    bare = describe(aperture, aperture.channel, BEST, None, others=())
+    told = describe(aperture, aperture.channel, BEST, None, others=(), evidence=evidence)
     assert told.reliability == pytest.approx(reliability(evidence))
     assert told.coherence == 0.7
     assert told.covariance[1][1] - bare.covariance[1][1] == pytest.approx(model_error_rad(evidence) ** 2)
@@ -55,7 +55,7 @@ def test_with_evidence_its_error_and_reliability_are_taken() -> None:
 
 def test_over_a_level_path_the_polar_angle_is_not_observable() -> None:
     aperture = _aperture(*circle(400))
-    estimate = describe(aperture, aperture.channel, BEST, IMAGE, ())
+    estimate = describe(aperture, aperture.channel, BEST, IMAGE, others=())
     assert (estimate.azimuth_observable, estimate.polar_observable) == (True, False)
     assert estimate.alternatives == (IMAGE,)
 
@@ -64,7 +64,7 @@ def test_over_an_upright_plane_the_image_leaves_the_azimuth_open() -> None:
     t, level = circle(400)
     aperture = _aperture(t, level[:, [0, 2, 1]])
     image = replace(BEST, azimuth_rad=-AT[0])
-    estimate = describe(aperture, aperture.channel, BEST, image, (), Evidence(0.9, 0.0, 10.0))
+    estimate = describe(aperture, aperture.channel, BEST, image, others=(), evidence=Evidence(0.9, 0.0, 10.0))
     assert not estimate.azimuth_observable
     assert estimate.polar_observable
     assert estimate.reliability == pytest.approx(0.5 * reliability(Evidence(0.9, 0.0, 10.0)))

@@ -32,5 +32,5 @@ def test_more_sources_than_half_the_dimension_are_never_claimed() -> None:
     p = np.cumsum(np.full((6, 3), 0.006), axis=0)
     channel = rng.normal(size=(6, 30)) + 1j * rng.normal(size=(6, 30))
     channel *= np.array([1e3, 1e2, 1e1, 1e1, 1.0, 1.0])[:, None]
-    bins = Bins(p, channel, np.ones(6, np.int64), np.zeros(6, np.int64), np.ones(6))
+    bins = Bins(p_m=p, channel=channel, counts=np.ones(6, np.int64), segment=np.zeros(6, np.int64), weights=np.ones(6))
     assert source_number(cut(bins, 16, WAVELENGTH_M), 5) == 3

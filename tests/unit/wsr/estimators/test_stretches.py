@@ -20,7 +20,13 @@ U, V = direction(0.5, 1.4), direction(2.5, 1.2)
 
 def _bins(channel: Complex, segment: NDArray[np.signedinteger] | None = None) -> Bins:
     where = np.zeros(len(channel), np.int64) if segment is None else segment.astype(np.int64)
-    return Bins(P_M[: len(channel)], channel, np.ones(len(channel), np.int64), where, np.ones(len(channel)))
+    return Bins(
+        p_m=P_M[: len(channel)],
+        channel=channel,
+        counts=np.ones(len(channel), np.int64),
+        segment=where,
+        weights=np.ones(len(channel)),
+    )
 
 
 def _waves(*paths: tuple[Array, float]) -> Complex:
