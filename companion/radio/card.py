@@ -154,12 +154,7 @@ class Radio:
         power_dbm = total_rss_dbm(record.rssi, record.agc)
         self._on_sample(
             ChannelSample(
-                peer=peer,
-                frame=record.frame_count,
-                t_mono_ns=t_mono_ns,
-                nic_us=record.timestamp_low_us,
-                channel=body,
-                power_dbm=power_dbm,
+                peer, record.frame_count, t_mono_ns, record.timestamp_low_us, channel=body, power_dbm=power_dbm
             )
         )
 
