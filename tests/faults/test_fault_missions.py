@@ -318,7 +318,7 @@ def test_red_a_switch_that_engages_as_it_stands(monkeypatch: pytest.MonkeyPatch)
     assert "switch_seen_down" in broken_by(dataclasses.replace(scenario, config=config, faults=faults))
 
 
-def _passes_everything(self: Gate, setpoint: Any, *_: Any) -> Verdict:
+def _passes_everything(self: Gate, setpoint: Any, *_: Any, **__: Any) -> Verdict:
     return Verdict(setpoint)
 
 
