@@ -55,6 +55,8 @@ _TRANSIENT = (Mode.TAKEOFF, Mode.LAND, Mode.RTL)
 """Modes that PX4 does not go back to after disarming."""
 _LANDED_S = 7.7
 """From touching the ground until PX4 calls itself landed."""
+_BRAKES_NS, _BRAKES_M_S, _CREEPS_M_S = 1_200_000_000, 0.06, 0.22
+"""Seen after a takeoff to 1.5 m: where it becomes a hold the climb nearly ends, and a second later it creeps on."""
 
 
 @dataclass(slots=True)
@@ -102,7 +104,7 @@ class Commander:
         self.history.append((now_ns, self.mode))
         self._now_ns = self._armed_ns = self._contact_ns = now_ns
         self._after_disarm = Mode.HOLD
-        self._has_flown = False
+        self._has_flown = self._tops_up = False
         self._fence_mode: Mode | None = None
         self._was_outside = False
         self._previous_set_point_ns: int | None = None
@@ -222,7 +224,8 @@ class Commander:
         self.mode = mode
         self.history[:] = [*self.history[1 - _HISTORY :], (self._now_ns, mode)]
         # A takeoff that has come near its height goes on to it in hold.
-        self._target = self._takeoff_point() if was_climbing and self._is_near_takeoff_height() else self._hover()
+        self._tops_up = was_climbing and self._is_near_takeoff_height()
+        self._target = self._takeoff_point() if self._tops_up else self._hover()
         self._return = self._new_return()
 
     def _fallback(self) -> Mode:
@@ -262,7 +265,7 @@ class Commander:
             return Demand((x, y, None), (0.0, 0.0, 0.0))
         here_m, slow_m_s = self.airframe.estimated_p_enu_m, float(self.parameters["MPC_LAND_SPEED"])
         if self.mode is Mode.TAKEOFF:
-            return self._climb(here_m)
+            return self._climb(here_m, float(self.parameters["MPC_TKO_SPEED"]))
         if self.mode is Mode.LAND:
             place = self._target.p_enu_m[:2] if self.estimator.has_local_position else (None, None)
             return landing(here_m, self._home_m, place, slow_m_s)
@@ -270,12 +273,14 @@ class Commander:
             return self._return.demand(here_m)
         if self.landed and self.mode is not Mode.OFFBOARD:
             return Demand((*self._target.p_enu_m[:2], None), (0.0, 0.0, 0.0))
+        if self.mode is Mode.HOLD and self._tops_up:
+            has_braked = self._now_ns - self.history[-1][0] > _BRAKES_NS
+            return self._climb(here_m, _CREEPS_M_S if has_braked else _BRAKES_M_S)
         return self._target
 
-    def _climb(self, here_m: Vector3) -> Demand:
+    def _climb(self, here_m: Vector3, climb_m_s: float) -> Demand:
         x, y, z = self._takeoff_point().p_enu_m
         assert z is not None
-        climb_m_s = float(self.parameters["MPC_TKO_SPEED"])
         if z - here_m[2] < climb_m_s:
             return Demand((x, y, z), (0.0, 0.0, 0.0))
         return Demand((x, y, None), (0.0, 0.0, climb_m_s))

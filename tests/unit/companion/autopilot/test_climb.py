@@ -34,7 +34,7 @@ def test_px4s_own_hold_below_the_height_is_waited_out(ground_m: float) -> None:
     [
         [_state(FlightMode.MANUAL, 0.5, 1.0)],
         [_state(FlightMode.HOLD, 0.3, 1.0)],
-        [_state(FlightMode.HOLD, 0.9, 0.0, 1.0), _state(FlightMode.HOLD, 0.9, 0.0, 2.1)],
+        [_state(FlightMode.HOLD, 0.9, 0.0, 1.0), _state(FlightMode.HOLD, 0.9, 0.0, 4.0)],
         [_state(FlightMode.TAKEOFF, 0.9, 1.0), _state(FlightMode.LAND, 0.9, 0.0)],
     ],
 )
@@ -43,6 +43,30 @@ def test_what_somebody_else_decides_is_given_way_to(states: list[VehicleState]) 
     with pytest.raises(GaveWayError):
         for state in states:
             climb.hovers(state)
+
+
+def test_px4_that_brakes_into_its_hold_is_no_rest_below() -> None:
+    """As PX4 1.16.1 was seen to climb: seconds in hold, and the estimate's Up."""
+    seen = [(0.0, 0.73), (0.35, 0.89), (0.6, 0.95), (0.8, 0.99), (1.1, 1.01), (1.4, 1.03), (1.8, 1.11), (2.6, 1.26)]
+    climb = Climb(0.0, 1.5, 0.8)
+    assert not any(climb.hovers(_state(FlightMode.HOLD, up_m, 0.2, t_s)) for t_s, up_m in seen)
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.46, 0.1, 3.6))
+    assert climb.hovers(_state(FlightMode.HOLD, 1.44, 0.0, 4.6))
+
+
+def test_it_stays_below_after_three_seconds_and_no_earlier() -> None:
+    climb = Climb(0.0, 1.5, 0.8)
+    assert not climb.hovers(_state(FlightMode.HOLD, 0.9, 0.0, 10.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, 12.999_999_999))
+    with pytest.raises(GaveWayError):
+        climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, 13.0))
+
+
+def test_a_rest_that_began_below_is_a_hover_after_three_seconds_too() -> None:
+    climb = Climb(0.0, 1.5, 0.8)
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, 10.0))
+    assert not climb.hovers(_state(FlightMode.HOLD, 1.19, 0.0, 12.999_999_999)), "it may still be on its way"
+    assert climb.hovers(_state(FlightMode.HOLD, 1.19, 0.0, 13.0))
 
 
 def test_hold_on_the_ground_is_no_hover() -> None:
