@@ -67,7 +67,8 @@ class Real:
         """Out of OFFBOARD now, and for some time in the air; no set point since `after_s` [s, monotonic]."""
         from_s = time.monotonic()
         await asyncio.sleep(for_s)
-        assert self.px4.setpoints_after(after_s) == 0
+        late_s = self.px4.setpoints_after(after_s)
+        assert not late_s, f"{len(late_s)} set points after {after_s:.3f} s: {late_s[:5]} ..."
         assert not any(t_s > from_s for t_s in self.px4.offboard_in_air)
         assert self.px4.mode is not FlightMode.OFFBOARD or self.px4.landed
 

@@ -134,8 +134,9 @@ class RealPx4:
         self._place = Place()
         self._world = world
 
-    def setpoints_after(self, at_s: float) -> int:
-        return sum(t_s > at_s for t_s in self.setpoints)
+    def setpoints_after(self, at_s: float) -> list[float]:
+        """How long after it each later one was sent [s]."""
+        return [round(t_s - at_s, 3) for t_s in self.setpoints if t_s > at_s]
 
     async def until(self, what: str, condition: Callable[[], bool], timeout_s: float) -> float:
         """Seconds it took."""
