@@ -34,4 +34,4 @@ class PhaseOnly:
             rival=max((peak.relative_power for peak in others), default=0.0),
             length_wavelengths=2 * aperture.extents_m[0] / aperture.wavelength_m,
         )
-        return describe(aperture, channel, best, image, tuple(others), evidence), profile
+        return describe(aperture, channel, best, image, others=tuple(others), evidence=evidence), profile
