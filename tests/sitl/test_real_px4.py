@@ -56,7 +56,7 @@ async def test_it_is_engaged_on_the_ground_and_finds_the_target(real: Real) -> N
     await real.fly()
     await real.flight.in_state("approaching", timeout_s=120.0)
     height_m = real.flight.stage.uav.mission.takeoff_height_m
-    assert abs(real.px4.p_enu_m[2] - height_m) < 1.0  # PX4's own estimate is half a metre off
+    assert abs(real.px4.p_enu_m[2] - height_m) < 0.8  # PX4's own estimate is half a metre off; its default is 1 m more
     from_s = time.monotonic()
     try:
         status = await real.flight.in_state("arrived", timeout_s=240.0)

@@ -57,6 +57,8 @@ _LANDED_S = 7.7
 """From touching the ground until PX4 calls itself landed."""
 _BRAKES_NS, _BRAKES_M_S, _CREEPS_M_S = 1_200_000_000, 0.06, 0.22
 """Seen after a takeoff to 1.5 m: where it becomes a hold the climb nearly ends, and a second later it creeps on."""
+_NAVIGATOR_READS_NS = NS_PER_S
+"""No oftener: a takeoff climbs to the MIS_TAKEOFF_ALT that it read last."""
 
 
 @dataclass(slots=True)
@@ -109,6 +111,8 @@ class Commander:
         self._was_outside = False
         self._previous_set_point_ns: int | None = None
         self.stream.last_ns = None
+        self._navigator_ns, self._takeoff_alt_m = now_ns, float(self.parameters["MIS_TAKEOFF_ALT"])
+        self._climbs_m = self._takeoff_alt_m
         self._home_m = self.airframe.estimated_p_enu_m
         self._target = self._hover()
         self._return = self._new_return()
@@ -132,6 +136,8 @@ class Commander:
         """Move time on to `now_ns`."""
         dt_s = (now_ns - self._now_ns) / NS_PER_S
         self._now_ns = now_ns
+        if now_ns - self._navigator_ns >= _NAVIGATOR_READS_NS:
+            self._navigator_ns, self._takeoff_alt_m = now_ns, float(self.parameters["MIS_TAKEOFF_ALT"])
         self.estimator.step(now_ns, self.is_at_rest)
         self._watch_fence()
         self._choose_mode()
@@ -222,6 +228,8 @@ class Commander:
             return
         was_climbing = self.mode is Mode.TAKEOFF and not self.failsafe
         self.mode = mode
+        if mode is Mode.TAKEOFF:
+            self._climbs_m = self._takeoff_alt_m
         self.history[:] = [*self.history[1 - _HISTORY :], (self._now_ns, mode)]
         # A takeoff that has come near its height goes on to it in hold.
         self._tops_up = was_climbing and self._is_near_takeoff_height()
@@ -254,7 +262,7 @@ class Commander:
 
     def _takeoff_point(self) -> Demand:
         x, y, _ = self._target.p_enu_m
-        return Demand((x, y, self._home_m[2] + float(self.parameters["MIS_TAKEOFF_ALT"])), (0.0, 0.0, 0.0))
+        return Demand((x, y, self._home_m[2] + self._climbs_m), (0.0, 0.0, 0.0))
 
     def _new_return(self) -> Return:
         return Return(self.airframe.estimated_p_enu_m, self._home_m, self.parameters)
@@ -286,7 +294,7 @@ class Commander:
         return Demand((x, y, None), (0.0, 0.0, climb_m_s))
 
     def _is_near_takeoff_height(self) -> bool:
-        left_m = self._home_m[2] + self.parameters["MIS_TAKEOFF_ALT"] - self.airframe.estimated_p_enu_m[2]
+        left_m = self._home_m[2] + self._climbs_m - self.airframe.estimated_p_enu_m[2]
         return not self.airframe.on_ground and left_m < self.parameters["NAV_MC_ALT_RAD"]
 
     def _watch_takeoff(self) -> None:
