@@ -25,6 +25,9 @@ CURVATURE_SCALE: Final = 3.0
 """the more the flatter the aperture is, which a range's own deviation tells: so many times that is added."""
 _MOST_CURVATURE_PER_M: Final = 2.0
 """Of a range that is not trusted, or another source's, 1 / range is anything up to here."""
+_SHOWS: Final = 2.0
+_LEAST_PER_M: Final = 1.0 / 60.0
+"""A range is told where 1 / range is so many of its own deviations, and at least so much."""
 _NEAR_M, _FAR_M = 2.5, 6.0
 _LEAST_M: Final = 0.3
 _SUREST: Final = 0.99
@@ -59,43 +62,61 @@ def likelihoods(
     `elsewhere` is the density of the reported path where it is not the target's. Poses drift by a share `drift` of the
     way."""
     range_m = np.maximum(range_m, _LEAST_M)
+    sine = np.sin(polar)
+    paths = [(path.azimuth_rad, path.polar_rad) for path in bearing.others]
+    misses = [
+        _miss(*path, azimuth=azimuth, polar=polar, sine=sine)
+        for path in [(bearing.azimuth_rad, bearing.polar_rad), *paths]
+    ]
+    shown = _shown(bearing, range_m, drift)
+    afar = is_afar(range_m)
     return np.stack(
         [
-            _likelihood(bearing, azimuth, polar, range_m, elsewhere=elsewhere, drift=drift, regime=regime)
+            _likelihood(bearing, sine, misses, shown, afar=afar, elsewhere=elsewhere, drift=drift, regime=regime)
             for regime in REGIMES
         ]
     )
 
 
+def _miss(at: float, down: float, *, azimuth: Floats, polar: Floats, sine: Floats) -> tuple[Floats, Floats]:
+    """(N,) squares of the angles across and down between a path and where targets are seen. At the pole an azimuth
+    means nothing: what it says across shrinks with the sine."""
+    across = at - azimuth
+    across -= math.tau * np.round(across / math.tau)
+    return (sine * across) ** 2, (down - polar) ** 2
+
+
 def _likelihood(
-    bearing: Bearing, azimuth: Floats, polar: Floats, range_m: Floats, *, elsewhere: float, drift: float, regime: Regime
+    bearing: Bearing,
+    sine: Floats,
+    misses: list[tuple[Floats, Floats]],
+    shown: Floats | None,
+    *,
+    afar: Floats,
+    elsewhere: float,
+    drift: float,
+    regime: Regime,
 ) -> Floats:
-    sine = np.sin(polar)
-    # A drift shears the path, and with it the direction, by as much. At the pole an azimuth means nothing: what it says
-    # across shrinks with the sine.
-    across_std = np.hypot(sine * bearing.azimuth_std_rad, math.hypot(regime.across_std_rad, drift))
-    down_std = math.hypot(bearing.polar_std_rad, regime.down_std_rad, drift)
+    # A drift shears the path, and with it the direction, by as much.
+    across_var = (sine * bearing.azimuth_std_rad) ** 2 + (regime.across_std_rad**2 + drift**2)
+    down_var = bearing.polar_std_rad**2 + regime.down_std_rad**2 + drift**2
+    level = math.isinf(down_var)
+    scale = 1.0 / (np.sqrt(across_var) * (math.sqrt(math.tau) * math.pi if level else math.tau * math.sqrt(down_var)))
 
-    def seen(azimuth_rad: float, polar_rad: float) -> Floats:
-        across = azimuth_rad - azimuth
-        across -= math.tau * np.round(across / math.tau)
-        misfit = (sine * across / across_std) ** 2
-        if math.isinf(down_std):
-            return np.asarray(np.exp(-0.5 * misfit) / (across_std * math.sqrt(math.tau) * math.pi))
-        misfit += ((polar_rad - polar) / down_std) ** 2
-        return np.asarray(np.exp(-0.5 * misfit) / (across_std * down_std * math.tau))
+    def seen(miss: tuple[Floats, Floats]) -> Floats:
+        misfit = miss[0] / across_var
+        if not level:
+            misfit += miss[1] / down_var
+        return np.asarray(scale * np.exp(-0.5 * misfit))
 
-    afar = is_afar(range_m)
     near, far, more = regime.reported
     reported = np.minimum(near + (far - near) * afar + more * bearing.reliability, _SUREST)
-    total = (
-        reported * seen(bearing.azimuth_rad, bearing.polar_rad) * _ranged(bearing, range_m, afar, drift, regime=regime)
-    )
+    total = reported * seen(misses[0]) * _ranged(shown, afar, regime)
     power = sum(path.relative_power for path in bearing.others)
     missed = 1.0 - reported
     if power > 0.0:
         others = np.minimum(regime.others, _OF_THE_REST * missed) / max(power, 1.0)
-        found = sum(path.relative_power * seen(path.azimuth_rad, path.polar_rad) for path in bearing.others)
+        found = sum(path.relative_power * seen(miss) for path, miss in zip(bearing.others, misses[1:], strict=True))
         total += _ranged_afar(bearing, regime) * others * found
         missed = missed - others * power
     total += _ranged_afar(bearing, regime) * missed * elsewhere
@@ -104,18 +125,32 @@ def _likelihood(
     return np.asarray(told * total)
 
 
-def _ranged(bearing: Bearing, range_m: Floats, afar: Floats, drift: float, *, regime: Regime) -> Floats:
+def _shown(bearing: Bearing, range_m: Floats, drift: float) -> Floats | None:
+    """(N,) density of the range of the reported path, per 1/m, if it is the target's and shows; None where none does.
+
+    A curvature that shows is one above what noise makes of none: of a far target only those show that seem nearer."""
+    if bearing.range_m is None:
+        return None
+    own = bearing.range_std_m / bearing.range_m**2
+    std = math.hypot(CURVATURE_STD_PER_M, _BENT_PER_M * drift, CURVATURE_SCALE * own)
+    true_per_m = 1.0 / range_m
+    misfit = (1.0 / bearing.range_m - true_per_m) / std
+    least = max(_SHOWS * own, _LEAST_PER_M)
+    return np.asarray(np.exp(-0.5 * misfit**2) / (std * math.sqrt(math.tau)) / _below((true_per_m - least) / std))
+
+
+def _below(x: Floats) -> Floats:
+    """(N,) of the normal distribution below x, to 0.00014 (Bowling et al., J. Ind. Eng. Manag. 2, 2009)."""
+    return np.asarray(1.0 / (1.0 + np.exp(-x * (1.5976 + 0.07056 * x * x))))
+
+
+def _ranged(shown: Floats | None, afar: Floats, regime: Regime) -> Floats:
     """(N,) of the range of the reported path, per 1/m, or of there being none."""
     near, far = regime.unseen
     unseen = near + (far - near) * afar
-    if bearing.range_m is None:
+    if shown is None:
         return np.asarray(unseen)
-    std = math.hypot(
-        CURVATURE_STD_PER_M, _BENT_PER_M * drift, CURVATURE_SCALE * bearing.range_std_m / bearing.range_m**2
-    )
-    misfit = (1.0 / bearing.range_m - 1.0 / range_m) / std
-    good = np.exp(-0.5 * misfit**2) / (std * math.sqrt(math.tau))
-    return np.asarray((1.0 - unseen) * (regime.trusted * good + (1.0 - regime.trusted) / _MOST_CURVATURE_PER_M))
+    return np.asarray((1.0 - unseen) * (regime.trusted * shown + (1.0 - regime.trusted) / _MOST_CURVATURE_PER_M))
 
 
 def _ranged_afar(bearing: Bearing, regime: Regime) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.guidance.likelihood import elsewhere, is_afar, likelihoods
+from companion.guidance.likelihood import CURVATURE_SCALE, CURVATURE_STD_PER_M, elsewhere, is_afar, likelihoods
 from companion.guidance.regimes import HARD, REGIMES
 from companion.sensing.records import Bearing
 from wsr.directions import Peak
@@ -20,6 +20,7 @@ BEARING = Bearing(
 )  # fmt: skip
 NO_DIRECTIONS = np.zeros((0, 3))
 ANYWHERE = 1.0 / (4.0 * math.pi)
+_OWN_PER_M, _TRUE_M, _SHOWS = 0.04, 30.0, 2.0
 
 
 def _at(bearing: Bearing, azimuth: float, polar: float = 1.5, range_m: float = 8.0) -> np.ndarray:
@@ -85,3 +86,24 @@ def test_what_is_no_target_is_there_again_where_it_was_or_anywhere() -> None:
         for a, p in zip(azimuth.tolist(), polar.tolist(), strict=True)
     ]
     assert 4 * math.pi * np.mean(of_all) == pytest.approx(1.0, abs=0.2)
+
+
+def _ranged(per_m: float) -> Bearing:
+    level = replace(BEARING, azimuth_rad=0.0, polar_rad=math.pi / 2, azimuth_std_rad=0.01, polar_std_rad=0.01)
+    return replace(level, reliability=0.5, range_m=1.0 / per_m, range_std_m=_OWN_PER_M / per_m**2)
+
+
+def test_ranges_of_a_far_source_show_where_they_seem_near_and_do_not_draw_it_nearer() -> None:
+    """A range is told where its curvature is twice its deviation: the mean of those of 30 m is then some 6 m."""
+    rng = np.random.default_rng(1)
+    std = math.hypot(CURVATURE_STD_PER_M, CURVATURE_SCALE * _OWN_PER_M)
+    drawn = 1.0 / _TRUE_M + std * rng.standard_normal(1500)
+    shown = drawn[drawn > _SHOWS * _OWN_PER_M]
+    assert len(shown) > 400 and 1.0 / shown.mean() < 8.0
+    ranges_m = np.array([6.5, 10.0, _TRUE_M])
+    straight = np.zeros(3), np.full(3, math.pi / 2)
+    told = np.mean(
+        [np.log(likelihoods(_ranged(per_m), *straight, ranges_m, elsewhere=0.1, drift=0.0)[0]) for per_m in shown],
+        axis=0,
+    )
+    assert told[2] > told[1] > told[0], told
