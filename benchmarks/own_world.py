@@ -31,6 +31,8 @@ _DRIFT: Final = 0.002
 _OWN_STD_RAD: Final = 0.01
 _CURVATURE_STD_PER_M: Final = (0.03, 0.12)
 """A bearing's own, from and to."""
+_SHADOWING_DB, _KEPT = 4.0, 0.43
+"""Deviation of what shadows received power, and what of it an aperture hands on: it is the same over 2.5 of them."""
 _SPEED_M_S: Final = 0.5
 _HEIGHT_M: Final = 1.5
 
@@ -78,6 +80,7 @@ class OwnWorld:
         self._here_m = np.array([0.0, 0.0, _HEIGHT_M])
         self._drifted_m = np.zeros(3)
         self._lines: list[Floats] = []
+        self._shadow_db = _SHADOWING_DB * float(rng.normal())
 
     def fly(self, apertures: int, step_m: float = 0.4) -> list[Flown]:
         """Towards where the target is thought to be, ten degrees beside it, from near around it; a bearing of packets
@@ -118,6 +121,7 @@ class OwnWorld:
         own_std = 0.0 if rng.uniform() < unseen else rng.uniform(*_CURVATURE_STD_PER_M)
         per_m = self._curvature_per_m(apart_m if is_direct and rng.uniform() < room.trusted else None, own_std)
         x, y, z = (self._here_m + self._drifted_m).tolist()
+        self._shadow_db = _KEPT * self._shadow_db + math.sqrt(1.0 - _KEPT**2) * _SHADOWING_DB * float(rng.normal())
         self._lines = [*self._lines, direction(azimuth, polar)][-20:]
         return Bearing(
             t_mono_ns=t_ns,
@@ -132,7 +136,7 @@ class OwnWorld:
             range_m=1.0 / per_m if own_std > 0.0 else None,
             range_std_m=own_std / per_m**2 if own_std > 0.0 else math.inf,
             turn=FrameTurn(0.0, _TURN_STD_RAD),
-            power_dbm=-50.0 - 10.0 * same.exponent * math.log10(max(apart_m, 0.7)) + 4.0 * rng.normal(),
+            power_dbm=-50.0 - 10.0 * same.exponent * math.log10(max(apart_m, 0.7)) + self._shadow_db,
         )
 
     def _curvature_per_m(self, apart_m: float | None, own_std: float) -> float:

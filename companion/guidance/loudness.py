@@ -16,13 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
 
 _EXPONENT: Final = (1.5, 0.5)
 """Mean and deviation: 2 in the open, 1.3 where the direct path is 10 dB weaker."""
 _LEVEL_STD_DB: Final = 15.0
 """Of c, about what was heard first."""
 _SHADOWING_DB: Final = 4.0
-"""Deviation of e over an aperture; from one to the next it is another."""
+"""Deviation of e over an aperture,"""
+_ALIKE: Final = 2.5
+"""and over so many it is the same: indoors it is another one after some 3 m of path (Gudmundson, Correlation model for
+shadow fading, 1991). Taken for another in each, it looks like a source that is passed."""
 _LEAST_M: Final = 0.7
 """Antennas that are nearer than this hear each other by their patterns' nulls."""
 _GROUPED: Final = 1.0
@@ -68,34 +72,36 @@ class Loudness:
         """(N,) logarithm of the likelihood of all powers for targets at `origins_m` (N, 3), up to a constant."""
         if len(self._heard) < 2:
             return np.zeros(len(origins_m))
-        places_m = np.array([heard.place_m for heard in self._heard])
-        weight = np.array([heard.weight for heard in self._heard]) / _SHADOWING_DB**2
+        # float32, places along the rows: of the logarithms of thousands of distances a hundredth of a decibel counts.
+        places_m = np.array([heard.place_m for heard in self._heard], np.float32)
+        weight = np.array([heard.weight for heard in self._heard]) / (_ALIKE * _SHADOWING_DB**2)
         power_db = np.array([heard.power_dbm for heard in self._heard])
-        power_db = power_db - power_db[0]
-        apart_m2 = _squared_distances(origins_m, places_m)
-        fall_db = -5.0 * np.log10(np.maximum(apart_m2, _LEAST_M**2))  # of n = 1
-        return _line_evidence(fall_db, power_db, weight)
+        apart_m2 = _squared_distances(places_m, origins_m.astype(np.float32))
+        fall_db = np.log(np.maximum(apart_m2, np.float32(_LEAST_M**2))) * np.float32(-5.0 / math.log(10.0))  # of n = 1
+        return _line_evidence(fall_db, power_db - power_db[0], weight)
 
 
-def _squared_distances(a_m: Floats, b_m: Floats) -> Floats:
-    """(N, K)"""
-    parts = (np.subtract.outer(a_m[:, axis], b_m[:, axis]) ** 2 for axis in range(3))
+def _squared_distances(a_m: Singles, b_m: Singles) -> Singles:
+    """(K, N) of places (K, 3) and (N, 3)."""
+    parts = (np.subtract.outer(a_m[:, axis], np.ascontiguousarray(b_m[:, axis])) ** 2 for axis in range(3))
     return np.asarray(sum(parts))
 
 
-def _line_evidence(x: Floats, y: Floats, weight: Floats) -> Floats:
-    """(N,) of y (K,) = c + n x (N, K) + noise of precision `weight` (K,), c and n integrated over their priors."""
+def _line_evidence(x: Singles, y: Floats, weight: Floats) -> Floats:
+    """(N,) of y (K,) = c + n x (K, N) + noise of precision `weight` (K,), c and n integrated over their priors."""
     mean, std = _EXPONENT
     level = 1.0 / _LEVEL_STD_DB**2
     slope = 1.0 / std**2
-    rest = y - mean * x
-    w_x = weight * x
+    w_x = weight.astype(np.float32)[:, None] * x
+    b = w_x.sum(axis=0, dtype=np.float64)
+    xx = np.einsum("kn,kn->n", w_x, x).astype(np.float64)
+    xy = np.einsum("kn,k->n", w_x, y.astype(np.float32)).astype(np.float64)
+    # Of what the mean slope leaves of y.
+    u = float(weight @ y) - mean * b
+    v = xy - mean * xx
+    misfit = float(weight @ (y * y)) - 2.0 * mean * xy + mean**2 * xx
     a = level + float(weight.sum())
-    b = w_x.sum(axis=1)
-    c = slope + np.einsum("nk,nk->n", w_x, x)
-    u = rest @ weight
-    v = np.einsum("nk,nk->n", w_x, rest)
+    c = slope + xx
     determinant = a * c - b * b
-    explained = (c * u * u - 2.0 * b * u * v + a * v * v) / determinant
-    misfit = (rest * rest) @ weight - explained
+    misfit -= (c * u * u - 2.0 * b * u * v + a * v * v) / determinant
     return np.asarray(-0.5 * (misfit + np.log(determinant)))
