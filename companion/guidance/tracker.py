@@ -25,6 +25,7 @@ from companion.guidance.loudness import Loudness
 from companion.guidance.modes import densest, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Scatter, Target, moments, vector, whole_belief
+from companion.guidance.twins import parted
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.frame_turn import DRIFT, DRIFT_ALIKE_M
 from companion.sensing.records import Bearing
@@ -33,22 +34,23 @@ from wsr.geometry import direction
 _Floats = npt.NDArray[np.float64]
 _Bools = npt.NDArray[np.bool_]
 _PARTICLES: Final = 1500
-_RESAMPLE_BELOW: Final = 0.8
+_AT_FIRST, _LEFT = 6, 0.6
+"""So many times as many at first, and so many of them after each drawing, down to the number above: few of all ranges,
+rooms and constants agree with the first bearings, and later ones choose from what those leave."""
+_RESAMPLE_BELOW: Final = 0.5
 _BORN: Final = 0.015
 """Of the particles, at each bearing: new ones where it points, so that no source is lost for good."""
-_MOVED, _MOVED_BY = 0.03, 0.5
-"""And so many of them at the places of likely ones, but nearer or farther by such a ratio: ranges that were off in the
+_MOVED, _MOVED_BY = 0.06, 0.5
+"""And so many at the places of likely ones, but nearer or farther by up to such a ratio: ranges that were off in the
 same way for a while, as those of echoes are, leave none at the right one."""
 _NEWBORN: Final = 0.3
-"""How likely they are, of the average particle."""
+"""How likely they are, of the average particle, if that many had been drawn anywhere."""
 _ANYWHERE: Final = 0.2
 """Of the first particles: in any direction, since what is seen first may be an image."""
 _REACH_M: Final = (0.5, 40.0)
 """Targets are looked for within: radio does not reach much farther indoors."""
 _SPREAD_RAD: Final = math.radians(7.0)
 _TWIN_RAD: Final = math.radians(0.4)
-_TWIN_RANGE, _TWIN_ACROSS = 0.015, 0.005
-"""Twins of places part by so much of the range: along the line of sight, across it."""
 _WALK_M_SQRT_S: Final = 0.02
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
@@ -109,12 +111,12 @@ class TargetTracker:
             self._lines.clear()
             self._loudness = Loudness()
             self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
-            self._told = np.zeros(_PARTICLES)
-            self._stood = np.zeros(_PARTICLES)
-            self._origins_m = np.zeros((_PARTICLES, 3))
-            self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, _PARTICLES))
-            self._share = np.zeros((len(REGIMES), _PARTICLES))
-            density = self._draw(bearing, ground_m, np.arange(_PARTICLES), _ANYWHERE)
+            count = round(_AT_FIRST * _PARTICLES)
+            self._told, self._stood = np.zeros((2, count))
+            self._origins_m = np.zeros((count, 3))
+            self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, count))
+            self._share = np.zeros((len(REGIMES), count))
+            density = self._draw(bearing, ground_m, np.arange(count), _ANYWHERE)
             self._share = prior_share(self._elevation_rad)
             self._stood = self._heights.log_prior(self._height_m(self._origins_m, bearing, ground_m))
             drawn = 0.0 if self._heights.is_expected else self._stood
@@ -123,9 +125,9 @@ class TargetTracker:
         else:
             self._wander(self._newest, bearing)
             self._turn(self._newest, bearing)
+            self._bear(bearing, ground_m)
             self._weigh(bearing, ground_m)
             self._listen(bearing)
-            self._bear(bearing, ground_m)
         self._newest = bearing
         self._lines.append((_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad)))
         self._note(bearing)
@@ -222,8 +224,8 @@ class TargetTracker:
 
     def _draw(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp], anywhere: float) -> _Floats:
         """Draws the particles `which` (M,) anew: where a bearing and the other paths of its aperture point, and by
-        chance elsewhere, at all ranges. Returns their density (M,) [1 / sr]; [1 / rad] of azimuth where a height is
-        expected, at which they are then, whatever bearings say of it."""
+        chance elsewhere, at all ranges. Returns how many times as dense (M,) they are as if all directions were alike;
+        all azimuths where a height is expected, at which they are then, whatever bearings say of it."""
         count = len(which)
         paths = [(bearing.azimuth_rad, bearing.polar_rad, 1.0)]
         paths += [(p.azimuth_rad, p.polar_rad, 0.5 * min(1.0, p.relative_power)) for p in bearing.others]
@@ -252,9 +254,9 @@ class TargetTracker:
         range_m = self._ranges_m(_place(bearing), units)
         self._origins_m[which] = _place(bearing) + range_m[:, None] * units
         if flat is None:
-            return np.asarray(near.sum(axis=0) + anywhere / (4.0 * math.pi))
+            return np.asarray(4.0 * math.pi * near.sum(axis=0) + anywhere)
         self._origins_m[which, 2] = ground_m + flat - bearing.target_p_enu_m[2]
-        return np.asarray(near.sum(axis=0) + anywhere / math.tau)
+        return np.asarray(math.tau * near.sum(axis=0) + anywhere)
 
     def _ranges_m(self, place_m: _Floats, units: _Floats) -> _Floats:
         """(M,) along directions (M, 3)."""
@@ -338,16 +340,19 @@ class TargetTracker:
         self._log_weight = _normalised(log_weight)
 
     def _bear(self, bearing: Bearing, ground_m: float) -> None:
-        """The lightest particles die for new ones."""
-        count = max(1, round(_BORN * _PARTICLES * bearing.fresh))
-        moved = round(_MOVED * _PARTICLES * bearing.fresh)
+        """The lightest particles die for new ones, before the bearing is weighed. Those that are drawn where it points
+        are the less likely the denser they are there, so that it does not count twice."""
+        everything = len(self._log_weight)
+        count = max(1, round(_BORN * everything * bearing.fresh))
+        moved = round(_MOVED * everything * bearing.fresh)
         lightest = np.argpartition(self._log_weight, count + moved)[: count + moved]
-        self._draw(bearing, ground_m, lightest[:count], 0.0)
+        density = self._draw(bearing, ground_m, lightest[:count], 0.0)
         self._move(bearing, ground_m, lightest[count:])
         stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
         self._stood[lightest] = stood
-        drawn = 0.0 if self._heights.is_expected else stood
-        self._log_weight[lightest] = -math.log(_PARTICLES) + math.log(_NEWBORN) + drawn
+        drawn = np.zeros(count + moved) if self._heights.is_expected else stood.copy()
+        drawn[:count] -= np.log(np.maximum(density, 1.0))
+        self._log_weight[lightest] = math.log(_NEWBORN / everything) + drawn
         self._share[:, lightest[:count]] = self.rooms()[:, None]
         # As good as the others are on the average, until the next power is heard.
         self._told[lightest] = np.exp(self._log_weight) @ self._told
@@ -356,9 +361,10 @@ class TargetTracker:
     def _move(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp]) -> None:
         """Makes the particles `which` (M,) others of the belief, nearer or farther on the same line of sight."""
         weight = np.exp(self._log_weight)
-        like = self._rng.choice(_PARTICLES, len(which), p=weight / weight.sum())
+        like = self._rng.choice(len(weight), len(which), p=weight / weight.sum())
         offsets_m = self._origins_m[like] - _place(bearing)
-        offsets_m *= np.exp(self._rng.normal(0.0, _MOVED_BY, len(which)))[:, None]
+        by = self._rng.uniform(0.0, _MOVED_BY, len(which))
+        offsets_m *= np.exp(self._rng.normal(0.0, by))[:, None]
         self._origins_m[which] = _place(bearing) + offsets_m
         flat = self._heights.expected_m(self._rng, len(which)) if math.isfinite(ground_m) else None
         if flat is not None:
@@ -368,20 +374,18 @@ class TargetTracker:
 
     def _resample(self) -> None:
         weight = np.exp(self._log_weight)
-        if 1.0 / float(weight @ weight) > _RESAMPLE_BELOW * _PARTICLES:
+        if 1.0 / float(weight @ weight) > _RESAMPLE_BELOW * len(weight):
             return
-        chosen = systematic(weight / weight.sum(), _PARTICLES)
+        count = max(_PARTICLES, round(_LEFT * len(weight)))
+        chosen = systematic(weight / weight.sum(), count)
         assert self._newest is not None
-        here_m = _place(self._newest)
         self._told, self._stood = self._told[chosen], self._stood[chosen]
-        offsets_m = self._origins_m[chosen] - here_m
-        offsets_m *= np.exp(self._rng.normal(0.0, _TWIN_RANGE, _PARTICLES))[:, None]
-        range_m = np.linalg.norm(offsets_m, axis=1)[:, None]
-        self._origins_m = here_m + offsets_m + self._rng.normal(0.0, _TWIN_ACROSS, offsets_m.shape) * range_m
+        here_m = _place(self._newest)
+        self._origins_m = here_m + parted(self._origins_m[chosen] - here_m, self._rng)
         self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)
-        self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, _PARTICLES)
+        self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, count)
         self._share = self._share[:, chosen]
-        self._log_weight = np.full(_PARTICLES, -math.log(_PARTICLES))
+        self._log_weight = np.full(count, -math.log(count))
 
     def _kept_to(self, angle_rad: _Floats, std_rad: float) -> _Floats:
         """Twins of a constant part, with the deviation they were drawn with."""
