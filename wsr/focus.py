@@ -11,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.geometry import direction
-from wsr.machine_code import compiled, inner
-from wsr.subapertures import SubApertures, delay_weight, score, score_grid
+from wsr.subapertures import SubApertures, climbed, score
 
-# A step of the refinement stays within 1.5 of its own grid; the grid shrinks to a twentieth of a beam width.
-_MAX_STEP = 1.5
+# The grid of the refinement shrinks to a twentieth of a beam width.
 _LEAST_BEAM_WIDTHS = 0.05
-_LOG_RANGE_STEP, _LEAST_LOG_RANGE_STEP = 0.35, 0.08
 _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 80.0
 _POLE_RAD = 1e-3
 # Of the highest score that the shortest sub-apertures have in the first look.
@@ -176,126 +173,11 @@ def refine(
     """
     azimuth, polar, range_m = start
     wave_m = parts.wavelength_m
-    azimuth, polar, inverse, coherence = _climb(
-        *parts.arrays(delay_ns is not None),
-        math.inf if delay_ns is None else delay_ns,
-        (azimuth, polar, 0.0 if range_m is None else wave_m / range_m),
-        peak,
-        (step_rad / 2, _LEAST_BEAM_WIDTHS * beam_rad),
-        (wave_m / _MAX_RANGE_M, wave_m / _MIN_RANGE_M),
-        (bounds.low_rad, bounds.high_rad, bounds.planar),
-        coherent_above,
-        steps,
+    inverse = 0.0 if range_m is None else wave_m / range_m
+    state = (
+        *(azimuth, polar, inverse, 0.0, step_rad / 2, _LEAST_BEAM_WIDTHS * beam_rad),
+        *(wave_m / _MAX_RANGE_M, wave_m / _MIN_RANGE_M, bounds.low_rad, bounds.high_rad, float(bounds.planar)),
+        *(coherent_above, math.inf if delay_ns is None else delay_ns),
     )
+    azimuth, polar, inverse, coherence = climbed(parts, state, peak, delay_ns is not None, steps)
     return Focus(azimuth, polar, None if range_m is None else wave_m / inverse, coherence)
-
-
-_late = compiled(delay_weight)
-
-
-@compiled
-def _climb(
-    x: Array32,
-    x2: Array32,
-    h: Array32,
-    cuts: Indices,
-    pieces: Indices,
-    lag: NDArray[np.complex64],
-    power: float,
-    delay_ns: float,
-    start: tuple[float, float, float],
-    peak: Array,
-    steps_rad: tuple[float, float],
-    inverses: tuple[float, float],
-    polars: tuple[float, float, bool],
-    coherent_above: float,
-    steps: int,
-) -> tuple[float, float, float, float]:
-    """Azimuth, polar angle, inverse range a wavelength (0: far field, and stays so) and coherence; see `refine`.
-
-    All steps in machine code: called one by one, most of their time would go into the calls.
-    """
-    azimuth, polar, inverse = start
-    d, least_d = steps_rad
-    log_step, spans = _LOG_RANGE_STEP, 3 if inverse > 0.0 else 1
-    scales, best = peak.size, 0.0
-    lanes = 9 * spans
-    u, inverses_n = np.empty((lanes, 3), np.float32), np.zeros(lanes, np.float32)
-    coherence, phase = np.empty((1, scales, lanes), np.float32), np.zeros((1, scales, lanes), np.float32)
-    cube, move = np.empty((3, 3, spans)), np.empty(3)
-    for step in range(steps):
-        d_azimuth, d_polar = d / max(math.sin(polar), 0.1), d * (3.0 if polars[2] else 1.0)
-        for n in range(lanes):
-            a, t = azimuth + (n // (3 * spans) - 1) * d_azimuth, polar + (n // spans % 3 - 1) * d_polar
-            u[n, 0], u[n, 1], u[n, 2] = math.sin(t) * math.cos(a), math.sin(t) * math.sin(a), math.cos(t)
-            if spans == 3:
-                inverses_n[n] = min(max(inverse * math.exp((1 - n % 3) * log_step), inverses[0]), inverses[1])
-        score_grid(x, x2, h, cuts, pieces, lag, power, u, inverses_n, coherence, phase)
-        top = 0
-        for n in range(lanes):
-            value = 0.0
-            for k in range(scales):
-                late = _late(phase[0, k, n], delay_ns) if lag.size > 0 else 1.0
-                value += coherence[0, k, n] * late / peak[k]
-            cube[n // (3 * spans), n // spans % 3, n % spans] = value / scales
-            if value > scales * cube[top // (3 * spans), top // spans % 3, top % spans]:
-                top = n
-        best = float(coherence[0, 0, top])
-        move[0], move[1], move[2] = top // (3 * spans) - 1, top // spans % 3 - 1, top % spans - 1
-        if spans == 3:
-            _newton(cube, move)
-        else:
-            move[2] = 0.0
-        azimuth += move[0] * d_azimuth
-        polar += move[1] * d_polar
-        if polars[2] and polar > math.pi / 2:
-            polar = math.pi - polar
-        polar = min(max(polar, polars[0]), polars[1])
-        if spans == 3:
-            inverse = min(max(inverse * math.exp(-move[2] * log_step), inverses[0]), inverses[1])
-        if max(abs(move[0]), abs(move[1]), abs(move[2])) < 1.0:
-            d = max(0.5 * d, least_d)
-            log_step = max(0.7 * log_step, _LEAST_LOG_RANGE_STEP)
-        if step == steps // 2 and best > coherent_above:
-            scales, peak, whole = 1, np.ones(1), 0
-            while whole < pieces.shape[0] and pieces[whole, 0] == 0:
-                whole += 1
-            pieces = pieces[:whole]
-            lag = np.zeros((0, 0), np.complex64)
-    return azimuth, polar, inverse, best
-
-
-@inner
-def _newton(c: Array, move: Array) -> None:
-    """Offset (3,) of the maximum of the quadratic through (3, 3, 3) points, where it has one; else left as it is."""
-    slope, curve = np.empty(3), np.empty((3, 3))
-    mid = c[1, 1, 1]
-    slope[0], curve[0, 0] = (c[2, 1, 1] - c[0, 1, 1]) / 2, 2 * mid - c[2, 1, 1] - c[0, 1, 1]
-    slope[1], curve[1, 1] = (c[1, 2, 1] - c[1, 0, 1]) / 2, 2 * mid - c[1, 2, 1] - c[1, 0, 1]
-    slope[2], curve[2, 2] = (c[1, 1, 2] - c[1, 1, 0]) / 2, 2 * mid - c[1, 1, 2] - c[1, 1, 0]
-    curve[1, 0] = -(c[2, 2, 1] + c[0, 0, 1] - c[2, 0, 1] - c[0, 2, 1]) / 4
-    curve[2, 0] = -(c[2, 1, 2] + c[0, 1, 0] - c[2, 1, 0] - c[0, 1, 2]) / 4
-    curve[2, 1] = -(c[1, 2, 2] + c[1, 0, 0] - c[1, 2, 0] - c[1, 0, 2]) / 4
-    # Cholesky's factors in place; a pivot that is not positive: no maximum.
-    least = 1e-9 * max(abs(curve[0, 0]), abs(curve[1, 1]), abs(curve[2, 2]))
-    for i in range(3):
-        for j in range(i + 1):
-            for k in range(j):
-                curve[i, j] -= curve[i, k] * curve[j, k]
-            if i != j:
-                curve[i, j] /= curve[j, j]
-            elif curve[i, i] > least:
-                curve[i, i] = math.sqrt(curve[i, i])
-            else:
-                return
-    for i in range(3):
-        for k in range(i):
-            slope[i] -= curve[i, k] * slope[k]
-        slope[i] /= curve[i, i]
-    for i in range(2, -1, -1):
-        for k in range(i + 1, 3):
-            slope[i] -= curve[k, i] * slope[k]
-        slope[i] /= curve[i, i]
-    shrink = min(1.0, _MAX_STEP / max(abs(slope[0]), abs(slope[1]), abs(slope[2]), 1e-300))
-    for i in range(3):
-        move[i] = slope[i] * shrink

@@ -42,7 +42,8 @@ _TILE = 60
 _FEW = 240
 _GROUP = 16
 _WIDE = 184
-_STRIDE = 368
+_STRIDE = np.uintp(368)
+_TWICE, _THRICE, _FOUR, _SINES = 2 * _STRIDE, 3 * _STRIDE, 4 * _STRIDE, _GROUP * _STRIDE
 # float32 in a cache line of 64 bytes.
 _LINE = 16
 
@@ -67,29 +68,33 @@ def empty_sums(rows: int = ROWS) -> Array32:
 
 def add_packets(sums: Array32, chi_half_wavelengths: Array64, channel: NDArray[np.complex128]) -> None:
     """Add packets c (M, 3), g (M,) to running sums in place. The sum is linear in g: adding -g takes packets out."""
-    x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in chi_half_wavelengths.T)
-    g_re, g_im = (np.ascontiguousarray(part, np.float32) for part in (channel.real, channel.imag))
-    if not x.size:
+    packets, rows = len(channel), sums.shape[2]
+    if packets == 0:
         return
-    rows = sums.shape[2]
-    angles = _angles(rows)
-    if x.size <= _FEW and rows <= ROWS:
-        room = _aligned((2 * _GROUP * _STRIDE,)), _aligned((8 * _WIDE,))
-        _sum_up_few(sums, x, y, z, g_re, g_im, *angles, *room)
-    else:
-        # As many blocks as needed, all about as long, whole cache lines each.
-        blocks = math.ceil(x.size / _BLOCK)
-        block = math.ceil(x.size / blocks / _LINE) * _LINE
-        room = _aligned((2, 2 * rows - 1, block)), _aligned((4, rows // 2, block))
-        _sum_up(sums, x, y, z, g_re, g_im, *angles, *room)
+    few = packets <= _FEW and rows <= ROWS
+    # As many blocks as needed, all about as long, whole cache lines each; of few packets whole groups.
+    block = math.ceil(packets / math.ceil(packets / _BLOCK) / _LINE) * _LINE
+    size = math.ceil(packets / _GROUP) * _GROUP if few else packets
+    # Members of the last group that stand for no packet have no weight.
+    places, parts = np.zeros((3, size)), np.zeros((2, size), np.float32)
+    places[:, :packets] = chi_half_wavelengths.T
+    parts[0, :packets], parts[1, :packets] = channel.real, channel.imag
+    if few:
+        wave, turned, total = _aligned((2 * int(_SINES),)), np.empty((_GROUP, 4), np.float32), _aligned((8 * _WIDE,))
+        wave.fill(0.0)
+        _sum_up_few(sums, packets, places, parts, _angles(rows), wave, turned, total)
+        return
+    wave, turned = _aligned((2, 2 * rows - 1, block)), _aligned((4, rows // 2, block))
+    for start in range(0, packets, block):
+        here, g = places[:, start : start + block].copy(), parts[:, start : start + block].copy()
+        _sum_up(sums, here, g, _angles(rows), wave, turned)
 
 
 @lru_cache(maxsize=4)
-def _angles(rows: int) -> tuple[Array64, Array64, Array64]:
-    """Half of x's and of y's weights in f, each (rows,), and cosines (rows,) of the polar angles, which are also the
-    angles q."""
+def _angles(rows: int) -> Array64:
+    """(3, rows): half of x's and of y's weights in f, and cosines of the polar angles, which are also the angles q."""
     polar = grid(rows)[1]
-    return 0.5 * np.sin(polar), -0.5 * np.cos(polar), np.cos(polar)
+    return np.stack([0.5 * np.sin(polar), -0.5 * np.cos(polar), np.cos(polar)])
 
 
 def power_of(sums: Array32) -> Array32:
@@ -127,224 +132,132 @@ def phasor(r: np.float32) -> tuple[np.float32, np.float32]:
     return _ONE - _TWO * s * s, _TWO * s * c
 
 
-@shared
-def phasors(turns: Array32 | Array64, cosine: Array32, sine: Array32) -> None:
-    """cosine and sine (n,) of the angles `turns` (n,): reduced in float64, so that long apertures lose nothing."""
-    for k in range(turns.size):
-        cosine[k], sine[k] = phasor(np.float32(turns[k] - np.rint(turns[k])))
-
-
 @inner
-def _across(x: Array64, y: Array64, along_x: float, along_y: float, turns: Array64) -> None:
-    """turns = x along_x + y along_y, in place."""
-    for k in range(turns.size):
-        turns[k] = x[k] * along_x + y[k] * along_y
-
-
-@inner
-def _turn(
-    turns: Array64,
-    g_re: Array32,
-    g_im: Array32,
-    up_re: Array32,
-    up_im: Array32,
-    down_re: Array32,
-    down_im: Array32,
-) -> None:
-    """g e^{-jb} into `up`, for a row above the horizon, and g e^{+jb} into `down`, for its mirror image."""
-    cosine = np.empty(turns.size, np.float32)
-    sine = np.empty(turns.size, np.float32)
-    phasors(turns, cosine, sine)
-    for k in range(turns.size):
-        up_re[k] = g_re[k] * cosine[k] + g_im[k] * sine[k]
-        up_im[k] = g_im[k] * cosine[k] - g_re[k] * sine[k]
-        down_re[k] = g_re[k] * cosine[k] - g_im[k] * sine[k]
-        down_im[k] = g_im[k] * cosine[k] + g_re[k] * sine[k]
-
-
-@inner
-def _add(
-    size: int, wave: Array32, turned: Array32, plus: int, minus: int, row: int, column: int, sums: Array32
-) -> None:
-    """Add a block of packets to the eight sums of one direction and its mirrors: the inner loop.
-
-    It takes whole arrays and indices: making views of their rows for each call costs as much as a hundred packets.
-    """
-    ur_c = ui_c = dr_c = di_c = np.float32(0.0)
-    ur_s = ui_s = dr_s = di_s = np.float32(0.0)
-    for k in range(size):
-        plus_cos, plus_sin = wave[0, plus, k], wave[1, plus, k]
-        minus_cos, minus_sin = wave[0, minus, k], wave[1, minus, k]
-        cosine = plus_cos * minus_cos + plus_sin * minus_sin
-        sine = plus_sin * minus_cos - plus_cos * minus_sin
-        ur_c += turned[0, row, k] * cosine
-        ui_c += turned[1, row, k] * cosine
-        dr_c += turned[2, row, k] * cosine
-        di_c += turned[3, row, k] * cosine
-        ur_s += turned[0, row, k] * sine
-        ui_s += turned[1, row, k] * sine
-        dr_s += turned[2, row, k] * sine
-        di_s += turned[3, row, k] * sine
-    sums[0, row, column] += ur_c
-    sums[1, row, column] += ui_c
-    sums[2, row, column] += dr_c
-    sums[3, row, column] += di_c
-    sums[4, row, column] += ur_s
-    sums[5, row, column] += ui_s
-    sums[6, row, column] += dr_s
-    sums[7, row, column] += di_s
+def turned_phasor(turns: float) -> tuple[np.float32, np.float32]:
+    """Cosine and sine of so many turns: reduced in float64, so that long apertures lose nothing."""
+    return phasor(np.float32(turns - np.rint(turns)))
 
 
 @compiled
-def _sum_up(
-    sums: Array32,
-    x: Array64,
-    y: Array64,
-    z: Array64,
-    g_re: Array32,
-    g_im: Array32,
-    along_x: Array64,
-    along_y: Array64,
-    cos_polar: Array64,
-    wave: Array32,
-    turned: Array32,
-) -> None:
+def _sum_up(sums: Array32, places: Array64, parts: Array32, angles: Array64, wave: Array32, turned: Array32) -> None:
     """Add to the sums (8, T/2, P/2) of cos a and sin a with g e^{-jb} (upper half) and g e^{+jb} (lower half).
 
-    Room to work in: `wave` (2, 2 P/2 - 1, block), cosines and sines of f at angles from -pi/2 on, and `turned`
-    (4, T/2, block).
+    A block of packets at `places` (3, M <= B) with `parts` (2, M) of g. Room to work in: `wave` (2, 2 P/2 - 1, B),
+    cosines and sines of f at angles from -pi/2 on, and `turned` (4, T/2, B).
     """
-    columns, block = cos_polar.size, wave.shape[2]
-    rows = columns // 2
-    for start in range(0, x.size, block):
-        bx, by, bz = x[start : start + block], y[start : start + block], z[start : start + block]
-        turns = np.empty(bx.size, np.float64)
-        for q in range(columns):
-            _across(bx, by, along_x[q], along_y[q], turns)
-            phasors(turns, wave[0, rows + q], wave[1, rows + q])
-        for q in range(rows):
-            _opposite(wave, q, q + columns)
-        for q in range(rows, columns - 1):
-            _opposite(wave, q + columns, q)
+    size, rows, columns = places.shape[1], sums.shape[1], sums.shape[2]
+    for q in range(columns):
+        for k in range(size):
+            pair = turned_phasor(places[0, k] * angles[0, q] + places[1, k] * angles[1, q])
+            wave[0, rows + q, k], wave[1, rows + q, k] = pair
+    for q in range(2 * columns - 1):
+        # f half a turn away.
+        of = q + columns if q < rows else q - columns
+        if q < rows or q >= rows + columns:
+            for k in range(size):
+                wave[0, q, k], wave[1, q, k] = wave[0, of, k], -wave[1, of, k]
+    for row in range(rows):
+        for k in range(size):
+            cosine, sine = turned_phasor(places[2, k] * angles[2, row])
+            turned[0, row, k] = parts[0, k] * cosine + parts[1, k] * sine
+            turned[1, row, k] = parts[1, k] * cosine - parts[0, k] * sine
+            turned[2, row, k] = parts[0, k] * cosine - parts[1, k] * sine
+            turned[3, row, k] = parts[1, k] * cosine + parts[0, k] * sine
+    for first in range(0, columns, _TILE):
         for row in range(rows):
-            _turn(
-                bz * cos_polar[row],
-                g_re[start : start + block],
-                g_im[start : start + block],
-                turned[0, row],
-                turned[1, row],
-                turned[2, row],
-                turned[3, row],
-            )
-        for first in range(0, columns, _TILE):
-            for row in range(rows):
-                for column in range(first, min(first + _TILE, columns)):
-                    # p begins at -pi: f there is that of half a turn on with the other sign, and so both change places.
-                    _add(bx.size, wave, turned, column - row - 1 + rows, column + row + rows, row, column, sums)
-
-
-@inner
-def _opposite(wave: Array32, into: int, of: int) -> None:
-    """f half a turn away."""
-    for k in range(wave.shape[2]):
-        wave[0, into, k] = wave[0, of, k]
-        wave[1, into, k] = -wave[1, of, k]
-
-
-@inner
-def _add_four(wave: Array32, plus: int, minus: int, turned: Array32, row: int, first: int, total: Array32) -> None:
-    """Add four packets of a group to `total` (8 x _WIDE,), over the columns of a row: the inner loop for few packets.
-
-    Their entries in the wave begin at `plus` and `minus`. Flat arrays with distances that are known when this is
-    compiled, and unsigned indices, which cannot wrap around, let the compiler see that lanes are safe.
-    """
-    a, b, c, d = turned[0, row], turned[1, row], turned[2, row], turned[3, row]
-    a0, a1, a2, a3 = a[first], a[first + 1], a[first + 2], a[first + 3]
-    b0, b1, b2, b3 = b[first], b[first + 1], b[first + 2], b[first + 3]
-    c0, c1, c2, c3 = c[first], c[first + 1], c[first + 2], c[first + 3]
-    d0, d1, d2, d3 = d[first], d[first + 1], d[first + 2], d[first + 3]
-    p, m = np.uintp(plus), np.uintp(minus)
-    for column in range(_WIDE):
-        j = np.uintp(column)
-        cos0, sin0 = _product(wave, p, m)
-        cos1, sin1 = _product(wave, p + np.uintp(_STRIDE), m + np.uintp(_STRIDE))
-        cos2, sin2 = _product(wave, p + np.uintp(2 * _STRIDE), m + np.uintp(2 * _STRIDE))
-        cos3, sin3 = _product(wave, p + np.uintp(3 * _STRIDE), m + np.uintp(3 * _STRIDE))
-        total[j] += (a0 * cos0 + a1 * cos1) + (a2 * cos2 + a3 * cos3)
-        total[j + np.uintp(_WIDE)] += (b0 * cos0 + b1 * cos1) + (b2 * cos2 + b3 * cos3)
-        total[j + np.uintp(2 * _WIDE)] += (c0 * cos0 + c1 * cos1) + (c2 * cos2 + c3 * cos3)
-        total[j + np.uintp(3 * _WIDE)] += (d0 * cos0 + d1 * cos1) + (d2 * cos2 + d3 * cos3)
-        total[j + np.uintp(4 * _WIDE)] += (a0 * sin0 + a1 * sin1) + (a2 * sin2 + a3 * sin3)
-        total[j + np.uintp(5 * _WIDE)] += (b0 * sin0 + b1 * sin1) + (b2 * sin2 + b3 * sin3)
-        total[j + np.uintp(6 * _WIDE)] += (c0 * sin0 + c1 * sin1) + (c2 * sin2 + c3 * sin3)
-        total[j + np.uintp(7 * _WIDE)] += (d0 * sin0 + d1 * sin1) + (d2 * sin2 + d3 * sin3)
-        p += np.uintp(1)
-        m += np.uintp(1)
+            for column in range(first, first + _TILE if first + _TILE < columns else columns):
+                # p begins at -pi: f there is that of half a turn on with the other sign, and so both change places.
+                plus, minus = column - row - 1 + rows, column + row + rows
+                ur_c = ui_c = dr_c = di_c = ur_s = ui_s = dr_s = di_s = np.float32(0.0)
+                for k in range(size):
+                    cosine = wave[0, plus, k] * wave[0, minus, k] + wave[1, plus, k] * wave[1, minus, k]
+                    sine = wave[1, plus, k] * wave[0, minus, k] - wave[0, plus, k] * wave[1, minus, k]
+                    ur_c += turned[0, row, k] * cosine
+                    ui_c += turned[1, row, k] * cosine
+                    dr_c += turned[2, row, k] * cosine
+                    di_c += turned[3, row, k] * cosine
+                    ur_s += turned[0, row, k] * sine
+                    ui_s += turned[1, row, k] * sine
+                    dr_s += turned[2, row, k] * sine
+                    di_s += turned[3, row, k] * sine
+                sums[0, row, column] += ur_c
+                sums[1, row, column] += ui_c
+                sums[2, row, column] += dr_c
+                sums[3, row, column] += di_c
+                sums[4, row, column] += ur_s
+                sums[5, row, column] += ui_s
+                sums[6, row, column] += dr_s
+                sums[7, row, column] += di_s
 
 
 @inner
 def _product(wave: Array32, plus: np.uintp, minus: np.uintp) -> tuple[np.float32, np.float32]:
     """Cosine and sine of the difference of two entries of a packet."""
-    plus_cos, plus_sin = wave[plus], wave[plus + np.uintp(_GROUP * _STRIDE)]
-    minus_cos, minus_sin = wave[minus], wave[minus + np.uintp(_GROUP * _STRIDE)]
+    plus_cos, plus_sin = wave[plus], wave[plus + _SINES]
+    minus_cos, minus_sin = wave[minus], wave[minus + _SINES]
     return plus_cos * minus_cos + plus_sin * minus_sin, plus_sin * minus_cos - plus_cos * minus_sin
 
 
 @compiled
 def _sum_up_few(
     sums: Array32,
-    x: Array64,
-    y: Array64,
-    z: Array64,
-    g_re: Array32,
-    g_im: Array32,
-    along_x: Array64,
-    along_y: Array64,
-    cos_polar: Array64,
+    packets: int,
+    places: Array64,
+    parts: Array32,
+    angles: Array64,
     wave: Array32,
+    turned: Array32,
     total: Array32,
 ) -> None:
-    """`_sum_up` for few packets, a group at a time: vector lanes run over columns, so that none has to be added up.
+    """`_sum_up` for few packets, in whole groups: vector lanes run over columns, so that none has to be added up.
 
-    Room to work in: `wave` (2 x _GROUP x _STRIDE,) and `total` (8 x _WIDE,).
+    Room to work in: `wave` (2 x _GROUP x _STRIDE,), which must be finite, `turned` (_GROUP, 4) and `total`
+    (8 x _WIDE,). Flat arrays with distances that are known when this is compiled, and unsigned indices, which cannot
+    wrap around, let the compiler see that lanes are safe.
     """
-    columns = cos_polar.size
-    rows = columns // 2
-    # Members of the last group that stand for no packet have no weight, but must be finite.
-    wave[:] = 0.0
-    turns = np.empty(columns, np.float64)
-    turned = np.empty((4, rows, _GROUP), np.float32)
-    up = turned.reshape(4, rows * _GROUP)
-    bz = np.empty(rows * _GROUP, np.float64)
-    group_re = np.empty(rows * _GROUP, np.float32)
-    group_im = np.empty(rows * _GROUP, np.float32)
-    for start in range(0, x.size, _GROUP):
-        size = min(_GROUP, x.size - start)
-        for k in range(size):
-            cosine, sine = wave[k * _STRIDE :], wave[(_GROUP + k) * _STRIDE :]
-            bx, by = x[start + k], y[start + k]
-            for q in range(columns):
-                turns[q] = bx * along_x[q] + by * along_y[q]
-            phasors(turns, cosine[rows:], sine[rows:])
-            for q in range(rows):
-                cosine[q], sine[q] = cosine[q + columns], -sine[q + columns]
-            for q in range(rows, columns - 1):
-                cosine[q + columns], sine[q + columns] = cosine[q], -sine[q]
-        bz[:] = 0.0
-        group_re[:] = 0.0
-        group_im[:] = 0.0
-        for k in range(size):
-            for row in range(rows):
-                bz[row * _GROUP + k] = z[start + k] * cos_polar[row]
-                group_re[row * _GROUP + k] = g_re[start + k]
-                group_im[row * _GROUP + k] = g_im[start + k]
-        _turn(bz, group_re, group_im, up[0], up[1], up[2], up[3])
+    rows, columns = sums.shape[1], sums.shape[2]
+    half, whole = np.uintp(rows), np.uintp(columns)
+    for start in range(0, packets, _GROUP):
+        at = np.uintp(0)
+        for k in range(start, start + _GROUP):
+            for q in range(whole):
+                turns = places[0, k] * angles[0, q] + places[1, k] * angles[1, q]
+                wave[at + half + q], wave[at + half + q + _SINES] = turned_phasor(turns)
+            for q in range(half):
+                # f half a turn away.
+                low, high = at + q, at + half + q
+                wave[low], wave[low + _SINES] = wave[low + whole], -wave[low + whole + _SINES]
+                wave[high + whole], wave[high + whole + _SINES] = wave[high], -wave[high + _SINES]
+            at += _STRIDE
         for row in range(rows):
-            total[:] = 0.0
-            for four in range(0, size, 4):
-                plus, minus = four * _STRIDE + rows - row - 1, four * _STRIDE + rows + row
-                _add_four(wave, plus, minus, turned, row, four, total)
+            for k in range(_GROUP):
+                cosine, sine = turned_phasor(places[2, start + k] * angles[2, row])
+                re, im = parts[0, start + k], parts[1, start + k]
+                turned[k, 0], turned[k, 1] = re * cosine + im * sine, im * cosine - re * sine
+                turned[k, 2], turned[k, 3] = re * cosine - im * sine, im * cosine + re * sine
+            for k in range(total.size):
+                total[k] = 0.0
+            p, m = np.uintp(rows - row - 1), np.uintp(rows + row)
+            for k in range(0, _GROUP if start + _GROUP < packets else packets - start, 4):
+                a0, a1, a2, a3 = turned[k, 0], turned[k + 1, 0], turned[k + 2, 0], turned[k + 3, 0]
+                b0, b1, b2, b3 = turned[k, 1], turned[k + 1, 1], turned[k + 2, 1], turned[k + 3, 1]
+                c0, c1, c2, c3 = turned[k, 2], turned[k + 1, 2], turned[k + 2, 2], turned[k + 3, 2]
+                d0, d1, d2, d3 = turned[k, 3], turned[k + 1, 3], turned[k + 2, 3], turned[k + 3, 3]
+                for column in range(_WIDE):
+                    j = np.uintp(column)
+                    cos0, sin0 = _product(wave, p + j, m + j)
+                    cos1, sin1 = _product(wave, p + j + _STRIDE, m + j + _STRIDE)
+                    cos2, sin2 = _product(wave, p + j + _TWICE, m + j + _TWICE)
+                    cos3, sin3 = _product(wave, p + j + _THRICE, m + j + _THRICE)
+                    total[j] += (a0 * cos0 + a1 * cos1) + (a2 * cos2 + a3 * cos3)
+                    total[j + np.uintp(_WIDE)] += (b0 * cos0 + b1 * cos1) + (b2 * cos2 + b3 * cos3)
+                    total[j + np.uintp(2 * _WIDE)] += (c0 * cos0 + c1 * cos1) + (c2 * cos2 + c3 * cos3)
+                    total[j + np.uintp(3 * _WIDE)] += (d0 * cos0 + d1 * cos1) + (d2 * cos2 + d3 * cos3)
+                    total[j + np.uintp(4 * _WIDE)] += (a0 * sin0 + a1 * sin1) + (a2 * sin2 + a3 * sin3)
+                    total[j + np.uintp(5 * _WIDE)] += (b0 * sin0 + b1 * sin1) + (b2 * sin2 + b3 * sin3)
+                    total[j + np.uintp(6 * _WIDE)] += (c0 * sin0 + c1 * sin1) + (c2 * sin2 + c3 * sin3)
+                    total[j + np.uintp(7 * _WIDE)] += (d0 * sin0 + d1 * sin1) + (d2 * sin2 + d3 * sin3)
+                p, m = p + _FOUR, m + _FOUR
             for part in range(8):
-                into, added = sums[part, row], total[part * _WIDE :]
                 for column in range(columns):
-                    into[column] += added[column]
+                    sums[part, row, column] += total[part * _WIDE + column]

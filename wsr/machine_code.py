@@ -38,11 +38,13 @@ def shared(function: Function) -> Function:
 
 def inner(function: Function) -> Function:
     """The same for a function that only other compiled ones call: there is less to compile without its entrances."""
-    return _compiled(function, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _compiled(function, forceinline=True, no_cpython_wrapper=True)
 
 
 def _compiled(function: Function, **more: Any) -> Function:
     options: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}, "error_model": "numpy"} | more
+    # For C's callers, of whom there are none.
+    options |= {"no_cfunc_wrapper": True}
     try:
         return cast(Function, njit(cache=True, **options)(function))
     except RuntimeError:

@@ -46,13 +46,17 @@ def path_bins(
     """
     used = np.flatnonzero(keep)
     p, h, part = p_m[used], channel[used], segment[used]
-    run = np.arange(used.size) if length_m is None else _runs(np.ascontiguousarray(p), length_m)
+    run = np.arange(used.size) if length_m is None else np.zeros(used.size, np.int64)
+    if length_m is not None:
+        _runs(np.ascontiguousarray(p), length_m, run)
     starts = np.flatnonzero((np.diff(run, prepend=-1) != 0) | (np.diff(part, prepend=-1) != 0))
-    counts = np.diff(np.append(starts, used.size))
+    borders = np.append(starts, used.size)
+    counts = np.diff(borders)
     weights = np.zeros(len(p_m))
     weights[used] = np.repeat(1.0 / counts, counts)
     mean_p, mean_h = np.zeros((starts.size, 3)), np.zeros((starts.size, h.shape[1]), np.complex128)
-    _average(np.ascontiguousarray(p), np.ascontiguousarray(h, np.complex64), starts, mean_p, mean_h)
+    parts = np.ascontiguousarray(h, np.complex64).view(np.float32)
+    _average(np.ascontiguousarray(p), parts, borders, mean_p, mean_h.view(np.float64))
     return Bins(
         p_m=mean_p,
         channel=mean_h,
@@ -63,31 +67,27 @@ def path_bins(
 
 
 @compiled
-def _runs(p_m: Array, length_m: float) -> NDArray[np.int64]:
-    result = np.zeros(len(p_m), np.int64)
+def _runs(p_m: Array, length_m: float, run: NDArray[np.int64]) -> None:
     first = 0
-    for i in range(1, len(p_m)):
+    for i in range(1, run.size):
         far = 0.0
         for axis in range(3):
-            far += (p_m[i, axis] - p_m[first, axis]) ** 2
-        result[i] = result[i - 1]
-        if far > length_m**2:
+            far += (p_m[i, axis] - p_m[first, axis]) * (p_m[i, axis] - p_m[first, axis])
+        run[i] = run[i - 1]
+        if far > length_m * length_m:
             first = i
-            result[i] += 1
-    return result
+            run[i] += 1
 
 
 @compiled
 def _average(
-    p_m: Array, channel: NDArray[np.complex64], starts: NDArray[np.int64], mean_p: Array, mean_h: Complex
+    p_m: Array, parts: NDArray[np.float32], starts: NDArray[np.int64], mean_p: Array, mean_parts: Array
 ) -> None:
-    """Means over the packets from each start up to the next, into zeros."""
-    packets, subcarriers = channel.shape
-    for b in range(starts.size):
-        after = starts[b + 1] if b + 1 < starts.size else packets
-        share = 1.0 / (after - starts[b])
-        for i in range(starts[b], after):
+    """Means over the packets from each start up to the next, into zeros; the end comes last of the starts."""
+    for b in range(mean_p.shape[0]):
+        share = 1.0 / (starts[b + 1] - starts[b])
+        for i in range(starts[b], starts[b + 1]):
             for axis in range(3):
                 mean_p[b, axis] += p_m[i, axis] * share
-            for s in range(subcarriers):
-                mean_h[b, s] += channel[i, s] * share
+            for s in range(parts.shape[1]):
+                mean_parts[b, s] += parts[i, s] * share

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ from wsr.ofdm import Grid, known
 _LANES = 16
 _STEPS = 2
 _TURN = np.float32(1 / (2 * math.pi))
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+# Rows of the room to work in.
+_RE, _IM, _COS, _SIN, _F_RE, _F_IM, _R_RE, _R_IM, _WEIGHT, _AWAY = range(10)
 _LEAST = np.float32(1e-18)
 # A residual frequency of the one-way phase, from motion and what is left of the carrier offset, is followed with this
 # time constant: a few packets, and much less than a robot needs to turn.
@@ -70,25 +74,11 @@ def fold(forward: Complex64, reverse: Complex64, grid: Grid | None = None) -> Fo
     """The one-way channel from both directions (M, S)."""
     on = known(forward.shape[1], grid)
     packets = len(forward)
-    result = Folded(
-        np.empty(forward.shape, np.complex64),
-        np.empty(packets, np.float32),
-        np.empty(packets, np.complex64),
-        np.empty(packets, np.float32),
-    )
-    _fold(
-        _parts(forward),
-        _parts(reverse),
-        _indices(on),
-        _lags(on),
-        on.step,
-        np.float32(on.lag),
-        _parts(result.channel),
-        result.reciprocity,
-        result.centre,
-        result.amplitude,
-    )
-    return result
+    channel, centre = np.empty(forward.shape, np.complex64), np.empty((packets, 1), np.complex64)
+    told = np.empty((2, packets), np.float32)
+    subcarriers = _subcarriers(on)
+    _fold(_parts(forward), _parts(reverse), *subcarriers, _parts(channel), _parts(centre), told, _room(on))
+    return Folded(channel, told[0], centre[:, 0], told[1])
 
 
 def without_delay(
@@ -99,9 +89,7 @@ def without_delay(
     on = known(channel.shape[1], grid)
     result = np.array(channel, np.complex64, order="C")
     turns = np.zeros(len(channel)) if turn_rad is None else turn_rad
-    _take_delay_out(
-        _parts(result), _indices(on), _lags(on), on.step, np.float32(on.lag), turns.astype(np.float32, order="C")
-    )
+    _take_delay_out(_parts(result), *_subcarriers(on), turns.astype(np.float32, order="C"), _room(on))
     return result
 
 
@@ -129,22 +117,23 @@ def chain_quarters(
 def _chained(
     channel: NDArray[np.complexfloating], t_s: Array, p_m: Array, limits: ChainLimits, *, grid: Grid | None, roots: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    parts, on = _parts(channel), known(channel.shape[1], grid)
-    return _chain(
+    parts, on, packets = _parts(channel), known(channel.shape[1], grid), len(channel)
+    quarters, keep, segment = np.zeros(packets, np.int64), np.ones(packets, np.bool_), np.zeros(packets, np.int64)
+    _chain(
         parts,
-        _indices(on),
-        _lags(on),
-        on.step,
-        np.float32(on.lag),
+        *_subcarriers(on),
         np.sqrt(np.square(parts).sum(axis=1)),
         np.ascontiguousarray(t_s, np.float64),
         np.ascontiguousarray(p_m, np.float64),
-        limits.far_m,
-        limits.near_m,
-        limits.min_cosine,
+        np.array([limits.far_m, limits.near_m, limits.min_cosine]),
         limits.gate,
         roots,
+        _room(on),
+        quarters,
+        keep,
+        segment,
     )
+    return quarters, keep, segment
 
 
 def _parts(channel: NDArray[np.complexfloating]) -> Array32:
@@ -152,74 +141,65 @@ def _parts(channel: NDArray[np.complexfloating]) -> Array32:
     return np.ascontiguousarray(channel, np.complex64).view(np.float32)
 
 
-def _indices(grid: Grid) -> Array32:
-    """Frequencies k (W,), with zeros behind them up to whole vector lanes."""
+@lru_cache(maxsize=8)
+def _subcarriers(grid: Grid) -> tuple[Array32, Array32, np.uintp, np.float32]:
+    """Frequencies k (W,), with zeros behind them up to whole vector lanes; (W,) 1 where the subcarrier a step on is a
+    lag away, else 0; that step, and the lag."""
     k = np.zeros(-(-grid.size // _LANES) * _LANES, np.float32)
     k[: grid.size] = grid.k
-    return k
-
-
-def _lags(grid: Grid) -> Array32:
-    """(W,) 1 where the subcarrier `step` positions on is a lag away, else 0."""
-    lags = np.zeros(_indices(grid).size, np.float32)
+    lags = np.zeros(k.size, np.float32)
     lags[grid.first] = 1.0
-    return lags
+    return k, lags, np.uintp(grid.step), np.float32(grid.lag)
+
+
+def _room(grid: Grid) -> Array32:
+    """Zeros (10, W + step) to work in: what lies behind the subcarriers adds nothing to any sum. Unsigned indices,
+    which cannot wrap around, let the compiler see that lanes are safe."""
+    return np.zeros((10, _subcarriers(grid)[0].size + grid.step), np.float32)
 
 
 @inner
-def _scratch(k: Array32, step: int) -> Array32:
-    """Zeros (W + step,): what lies behind the subcarriers adds nothing to any sum."""
-    return np.zeros(k.size + step, np.float32)
-
-
-@inner
-def _lag_slope(re: Array32, im: Array32, lags: Array32, step: int, lag: np.float32) -> np.float32:
-    """Phase per unit of k of re + j im (S,), from products of subcarriers a lag apart."""
+def _lag_slope(room: Array32, lags: Array32, step: np.uintp, lag: np.float32) -> np.float32:
+    """Phase per unit of k of `room`'s re + j im, from products of subcarriers a lag apart."""
     a = b = np.float32(0.0)
-    if step == 1:  # a loop of its own, whose vectors lie where the compiler knows them
-        for s in range(lags.size):
-            a += lags[s] * (re[s + 1] * re[s] + im[s + 1] * im[s])
-            b += lags[s] * (im[s + 1] * re[s] - re[s + 1] * im[s])
-    else:
-        for s in range(lags.size):
-            a += lags[s] * (re[s + step] * re[s] + im[s + step] * im[s])
-            b += lags[s] * (im[s + step] * re[s] - re[s + step] * im[s])
-    return np.float32(np.arctan2(b, a) / lag)
+    for subcarrier in range(lags.size):
+        s = np.uintp(subcarrier)
+        a += lags[s] * (room[_RE, s + step] * room[_RE, s] + room[_IM, s + step] * room[_IM, s])
+        b += lags[s] * (room[_IM, s + step] * room[_RE, s] - room[_RE, s + step] * room[_IM, s])
+    return np.float32(math.atan2(b, a) / lag)
 
 
 @inner
-def _phasors(slope: np.float32, start: np.float32, k: Array32, cosine: Array32, sine: Array32) -> None:
-    """exp(-j (slope k + start)), (S,)."""
+def _phasors(slope: np.float32, start: np.float32, k: Array32, room: Array32) -> None:
+    """exp(-j (slope k + start)), (W,), into `room`."""
     for s in range(k.size):
         turns = -(slope * k[s] + start) * _TURN
-        r = turns - np.rint(turns)
-        cosine[s], sine[s] = phasor(r)
+        room[_COS, s], room[_SIN, s] = phasor(turns - np.rint(turns))
 
 
 @inner
-def _sum(
-    re: Array32, im: Array32, slope: np.float32, k: Array32, cosine: Array32, sine: Array32
-) -> tuple[np.float32, np.float32]:
+def _sum(slope: np.float32, k: Array32, room: Array32) -> tuple[np.float32, np.float32]:
     """Sum of (re + j im) exp(-j slope k)."""
-    _phasors(slope, np.float32(0.0), k, cosine, sine)
+    _phasors(slope, _ZERO, k, room)
     a = b = np.float32(0.0)
     for s in range(k.size):
-        a += re[s] * cosine[s] - im[s] * sine[s]
-        b += re[s] * sine[s] + im[s] * cosine[s]
+        a += room[_RE, s] * room[_COS, s] - room[_IM, s] * room[_SIN, s]
+        b += room[_RE, s] * room[_SIN, s] + room[_IM, s] * room[_COS, s]
     return a, b
 
 
 @compiled
-def _take_delay_out(channel: Array32, k: Array32, lags: Array32, step: int, lag: np.float32, turn: Array32) -> None:
+def _take_delay_out(
+    channel: Array32, k: Array32, lags: Array32, step: np.uintp, lag: np.float32, turn: Array32, room: Array32
+) -> None:
     size = channel.shape[1] // 2
-    re, im, cosine, sine = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
     for i in range(channel.shape[0]):
         for s in range(size):
-            re[s], im[s] = channel[i, 2 * s], channel[i, 2 * s + 1]
-        _phasors(_lag_slope(re, im, lags, step, lag), -turn[i], k, cosine, sine)
+            room[_RE, s], room[_IM, s] = channel[i, 2 * s], channel[i, 2 * s + 1]
+        _phasors(_lag_slope(room, lags, step, lag), -turn[i], k, room)
         for s in range(size):
-            channel[i, 2 * s] = re[s] * cosine[s] - im[s] * sine[s]
-            channel[i, 2 * s + 1] = re[s] * sine[s] + im[s] * cosine[s]
+            channel[i, 2 * s] = room[_RE, s] * room[_COS, s] - room[_IM, s] * room[_SIN, s]
+            channel[i, 2 * s + 1] = room[_RE, s] * room[_SIN, s] + room[_IM, s] * room[_COS, s]
 
 
 @compiled
@@ -228,67 +208,67 @@ def _fold(
     reverse: Array32,
     k: Array32,
     lags: Array32,
-    step: int,
+    step: np.uintp,
     lag: np.float32,
     channel: Array32,
-    reciprocity: Array32,
-    centre: Complex64,
-    amplitude: Array32,
+    centre: Array32,
+    told: Array32,
+    room: Array32,
 ) -> None:
+    """`told` (2, M): reciprocity and amplitude."""
     size, half = forward.shape[1] // 2, np.float32(0.5)
-    f_re, f_im, r_re, r_im = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
-    re, im, cosine, sine, away = (
-        _scratch(k, step),
-        _scratch(k, step),
-        _scratch(k, step),
-        _scratch(k, step),
-        _scratch(k, step),
-    )
     for i in range(forward.shape[0]):
         power_f = power_r = np.float32(0.0)
         for s in range(size):
-            f_re[s], f_im[s] = forward[i, 2 * s], forward[i, 2 * s + 1]
-            r_re[s], r_im[s] = reverse[i, 2 * s], reverse[i, 2 * s + 1]
-            power_f += f_re[s] * f_re[s] + f_im[s] * f_im[s]
-            power_r += r_re[s] * r_re[s] + r_im[s] * r_im[s]
-        root_f, root_r = np.sqrt(power_f / np.float32(size)), np.sqrt(power_r / np.float32(size))
-        amplitude[i] = np.sqrt(root_f) * np.sqrt(root_r)
-        scale_f, scale_r = np.float32(1.0) / max(root_f, _LEAST), np.float32(1.0) / max(root_r, _LEAST)
+            room[_F_RE, s], room[_F_IM, s] = forward[i, 2 * s], forward[i, 2 * s + 1]
+            room[_R_RE, s], room[_R_IM, s] = reverse[i, 2 * s], reverse[i, 2 * s + 1]
+            power_f += room[_F_RE, s] * room[_F_RE, s] + room[_F_IM, s] * room[_F_IM, s]
+            power_r += room[_R_RE, s] * room[_R_RE, s] + room[_R_IM, s] * room[_R_IM, s]
+        root_f, root_r = math.sqrt(power_f / np.float32(size)), math.sqrt(power_r / np.float32(size))
+        told[1, i] = math.sqrt(root_f) * math.sqrt(root_r)
+        scale_f = _ONE / (root_f if root_f > _LEAST else _LEAST)
+        scale_r = _ONE / (root_r if root_r > _LEAST else _LEAST)
         for s in range(k.size):
-            f_re[s], f_im[s] = scale_f * f_re[s], scale_f * f_im[s]
-            r_re[s], r_im[s] = scale_r * r_re[s], scale_r * r_im[s]
-            re[s] = f_re[s] * r_re[s] - f_im[s] * r_im[s]
-            im[s] = f_re[s] * r_im[s] + f_im[s] * r_re[s]
-        a, b = _sum(re, im, _lag_slope(re, im, lags, step, lag), k, cosine, sine)
-        centre[i] = complex(a / np.float32(size), b / np.float32(size))
-
-        total = mean = np.float32(0.0)
-        for s in range(k.size):
-            re[s] = f_re[s] * r_re[s] + f_im[s] * r_im[s]
-            im[s] = f_im[s] * r_re[s] - f_re[s] * r_im[s]
-            weight = np.sqrt(re[s] * re[s] + im[s] * im[s])
-            total += weight
-            mean += weight * k[s]
-        mean /= max(total, _LEAST)
-        spread = np.float32(0.0)
-        for s in range(k.size):
-            away[s] = k[s] - mean
-            spread += np.sqrt(re[s] * re[s] + im[s] * im[s]) * away[s] * away[s]
-        slope = _lag_slope(re, im, lags, step, lag)
-        a, b = _sum(re, im, slope, k, cosine, sine)
-        for _ in range(_STEPS):
-            # Newton's step to the maximum of |sum ratio exp(-j slope k)|, with the curvature of phases that agree.
-            x = y = np.float32(0.0)
-            for s in range(k.size):
-                x += away[s] * (re[s] * cosine[s] - im[s] * sine[s])
-                y += away[s] * (re[s] * sine[s] + im[s] * cosine[s])
-            slope += (y * a - x * b) / max(spread * np.sqrt(a * a + b * b), _LEAST)
-            a, b = _sum(re, im, slope, k, cosine, sine)
-        reciprocity[i] = np.sqrt(a * a + b * b) / np.float32(size)
-        _phasors(half * slope, half * np.arctan2(b, a), k, cosine, sine)
+            room[_F_RE, s], room[_F_IM, s] = scale_f * room[_F_RE, s], scale_f * room[_F_IM, s]
+            room[_R_RE, s], room[_R_IM, s] = scale_r * room[_R_RE, s], scale_r * room[_R_IM, s]
+            room[_RE, s] = room[_F_RE, s] * room[_R_RE, s] - room[_F_IM, s] * room[_R_IM, s]
+            room[_IM, s] = room[_F_RE, s] * room[_R_IM, s] + room[_F_IM, s] * room[_R_RE, s]
+        slope = a = b = total = mean = spread = np.float32(0.0)
+        # Of their product, then of their ratio.
+        for of in range(2):
+            if of == 1:
+                for s in range(k.size):
+                    room[_RE, s] = room[_F_RE, s] * room[_R_RE, s] + room[_F_IM, s] * room[_R_IM, s]
+                    room[_IM, s] = room[_F_IM, s] * room[_R_RE, s] - room[_F_RE, s] * room[_R_IM, s]
+                    weight = math.sqrt(room[_RE, s] * room[_RE, s] + room[_IM, s] * room[_IM, s])
+                    room[_WEIGHT, s] = weight
+                    total += weight
+                    mean += weight * k[s]
+                mean /= total if total > _LEAST else _LEAST
+                for s in range(k.size):
+                    room[_AWAY, s] = k[s] - mean
+                    spread += room[_WEIGHT, s] * room[_AWAY, s] * room[_AWAY, s]
+            slope = _lag_slope(room, lags, step, lag)
+            for left in range(_STEPS * of, -1, -1):
+                a, b = _sum(slope, k, room)
+                if left == 0:
+                    break
+                # Newton's step to the maximum of |sum ratio exp(-j slope k)|, with the curvature of phases that agree.
+                x = y = np.float32(0.0)
+                for s in range(k.size):
+                    x += room[_AWAY, s] * (room[_RE, s] * room[_COS, s] - room[_IM, s] * room[_SIN, s])
+                    y += room[_AWAY, s] * (room[_RE, s] * room[_SIN, s] + room[_IM, s] * room[_COS, s])
+                curve = spread * math.sqrt(a * a + b * b)
+                slope += (y * a - x * b) / (curve if curve > _LEAST else _LEAST)
+            if of == 0:
+                centre[i, 0], centre[i, 1] = a / np.float32(size), b / np.float32(size)
+        told[0, i] = math.sqrt(a * a + b * b) / np.float32(size)
+        _phasors(half * slope, half * math.atan2(b, a), k, room)
         for s in range(size):
-            channel[i, 2 * s] = half * ((f_re[s] + r_re[s]) * cosine[s] - (f_im[s] - r_im[s]) * sine[s])
-            channel[i, 2 * s + 1] = half * ((f_re[s] - r_re[s]) * sine[s] + (f_im[s] + r_im[s]) * cosine[s])
+            re, im = room[_F_RE, s] + room[_R_RE, s], room[_F_IM, s] - room[_R_IM, s]
+            channel[i, 2 * s] = half * (re * room[_COS, s] - im * room[_SIN, s])
+            re, im = room[_F_RE, s] - room[_R_RE, s], room[_F_IM, s] + room[_R_IM, s]
+            channel[i, 2 * s + 1] = half * (re * room[_SIN, s] + im * room[_COS, s])
 
 
 @compiled
@@ -296,58 +276,53 @@ def _chain(
     h: Array32,
     k: Array32,
     lags: Array32,
-    step: int,
+    step: np.uintp,
     lag: np.float32,
     norm: Array32,
     t_s: Array,
     p_m: Array,
-    far_m: float,
-    near_m: float,
-    min_cosine: float,
+    limits: Array,
     gate: bool,
     roots: int,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
-    packets, size = h.shape[0], h.shape[1] // 2
-    quarters = np.zeros(packets, np.int64)
-    keep = np.ones(packets, np.bool_)
-    segment = np.zeros(packets, np.int64)
-    re, im, cosine, sine = _scratch(k, step), _scratch(k, step), _scratch(k, step), _scratch(k, step)
+    room: Array32,
+    quarters: NDArray[np.int64],
+    keep: NDArray[np.bool_],
+    segment: NDArray[np.int64],
+) -> None:
+    """`limits` (3,): far and near in metres, and the least cosine. What is told comes last, (M,) each."""
+    far_m, near_m, min_cosine = limits[0], limits[1], limits[2]
     rate, last, current, number, skipped = 0.0, 0, 0, 0, 0
-    for i in range(1, packets):
-        for s in range(size):
-            re[s] = h[i, 2 * s] * h[last, 2 * s] + h[i, 2 * s + 1] * h[last, 2 * s + 1]
-            im[s] = h[i, 2 * s + 1] * h[last, 2 * s] - h[i, 2 * s] * h[last, 2 * s + 1]
-        a, b = _sum(re, im, _lag_slope(re, im, lags, step, lag), k, cosine, sine)
-        q = complex(a, b)
-        likeness = abs(q) / max(norm[i] * norm[last], 1e-12)
-        q /= max(abs(q), 1e-12)
-        dt = max(t_s[i] - t_s[last], 1e-4)
-        q *= np.exp(-1j * rate * dt)
+    for i in range(1, h.shape[0]):
+        for s in range(h.shape[1] // 2):
+            room[_RE, s] = h[i, 2 * s] * h[last, 2 * s] + h[i, 2 * s + 1] * h[last, 2 * s + 1]
+            room[_IM, s] = h[i, 2 * s + 1] * h[last, 2 * s] - h[i, 2 * s] * h[last, 2 * s + 1]
+        a, b = _sum(_lag_slope(room, lags, step, lag), k, room)
+        dt = t_s[i] - t_s[last]
+        dt = dt if dt > 1e-4 else 1e-4
+        size, most = math.hypot(float(a), float(b)), float(norm[i] * norm[last])
+        likeness = size / (most if most > 1e-12 else 1e-12)
+        size = size if size > 1e-12 else 1e-12
+        cosine, sine = math.cos(rate * dt) / size, math.sin(rate * dt) / size
+        re, im = a * cosine + b * sine, b * cosine - a * sine
+        turned = 0 if re >= 0.0 else 2
         if roots == 4:
             # The root that fits best comes first; what is left is within an eighth of a turn.
-            turned = int(np.rint(np.arctan2(q.imag, q.real) / (0.5 * math.pi)))
-            q *= np.exp(-0.5j * math.pi * turned)
-        else:
-            turned = 0 if q.real >= 0 else 2
-            q = q if q.real >= 0 else -q
-        if gate and q.real < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
+            turned = int(np.rint(math.atan2(im, re) / (0.5 * math.pi)))
+        cosine, sine = math.cos(0.5 * math.pi * turned), math.sin(0.5 * math.pi * turned)
+        re, im = re * cosine + im * sine, im * cosine - re * sine
+        if gate and re < min_cosine and skipped < _MAX_SKIPPED and dt < _RATE_TIME_S:
             keep[i] = False
             skipped += 1
             continue
         moved2 = 0.0
         for axis in range(3):
-            moved2 += (p_m[i, axis] - p_m[last, axis]) ** 2
-        is_far = moved2 > far_m**2 and not (roots == 4 and dt < _FORETOLD_S)
-        if is_far or (moved2 > near_m**2 and q.real * likeness < min_cosine):
-            number += 1
-            current = 0
-            if roots == 4:
-                # Without its rate the next packet, too, would lie too far off, and so on.
-                rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt
-            else:
-                rate = 0.0
+            moved2 += (p_m[i, axis] - p_m[last, axis]) * (p_m[i, axis] - p_m[last, axis])
+        is_far = moved2 > far_m * far_m and not (roots == 4 and dt < _FORETOLD_S)
+        starts = is_far or (moved2 > near_m * near_m and re * likeness < min_cosine)
+        if starts and roots != 4:
+            rate = 0.0
         else:
-            current = (current - turned) % 4
-            rate += (1 - np.exp(-dt / _RATE_TIME_S)) * np.arctan2(q.imag, q.real) / dt
+            # Of four roots: without its rate the packet after a break, too, would lie too far off, and so on.
+            rate += (1 - math.exp(-dt / _RATE_TIME_S)) * math.atan2(im, re) / dt
+        number, current = (number + 1, 0) if starts else (number, (current - turned) % 4)
         quarters[i], segment[i], last, skipped = current, number, i, 0
-    return quarters, keep, segment

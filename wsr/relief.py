@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.machine_code import compiled, inner
+from wsr.machine_code import compiled
 
 _LEVELS = 8192
 
@@ -26,7 +27,14 @@ def prominences(power: Array32) -> Array32:
         return np.zeros_like(power)
     level = ((top - power) * ((_LEVELS - 1) / (top - bottom))).astype(np.uint16)
     order = np.argsort(level, axis=None, kind="stable")
-    return np.asarray(_flood(np.ascontiguousarray(power, np.float32), order).reshape(power.shape))
+    height = np.ascontiguousarray(power, np.float32).ravel()
+    parent, result = np.full(height.size, -1), np.zeros(height.size, np.float32)
+    _flood(height, order, _beside(*power.shape), parent, result)
+    highest = order[0]
+    while parent[highest] != highest:
+        highest = parent[highest]
+    result[highest] = height[order[0]] - height[order[-1]]
+    return result.reshape(power.shape)
 
 
 def width_rad(power: Array32, row: int, column: int) -> float:
@@ -35,7 +43,11 @@ def width_rad(power: Array32, row: int, column: int) -> float:
     Rows are taken to be spread evenly between the poles, columns around the circle; with one row it is the arc.
     """
     rows, columns = power.shape
-    cells: Indices = _connected(power, np.float32(0.5) * power[row, column], row, column)
+    inside, stack = np.zeros(power.size, np.bool_), np.empty(power.size, np.int64)
+    stack[0] = row * columns + column
+    inside[stack[0]] = True
+    _fill(power.ravel(), np.float32(0.5) * power[row, column], _beside(rows, columns), inside, stack)
+    cells = np.count_nonzero(inside.reshape(rows, columns), axis=1)
     step = 2 * math.pi / columns
     if rows == 1:
         return float(step * int(cells[0]))
@@ -44,93 +56,52 @@ def width_rad(power: Array32, row: int, column: int) -> float:
     return 2.0 * math.acos(max(1.0 - area / (2 * math.pi), -1.0))
 
 
-@inner
-def _neighbour(row: int, column: int, which: int, rows: int, columns: int) -> int:
-    """One of eight neighbours of a cell: around the circle, and over a pole to the column half a turn away."""
-    offset = which if which < 4 else which + 1
-    r, c = row + offset // 3 - 1, column + offset % 3 - 1
-    if rows == 1:
-        r = 0
-    elif r < 0 or r >= rows:
-        r = min(max(r, 0), rows - 1)
-        c += columns // 2
-    if c >= columns:
-        c -= columns
-    elif c < 0:
-        c += columns
-    return r * columns + c
-
-
-@inner
-def _root(parent: Indices, cell: int) -> int:
-    while parent[cell] != cell:
-        parent[cell] = parent[parent[cell]]
-        cell = parent[cell]
-    return cell
+@lru_cache(maxsize=4)
+def _beside(rows: int, columns: int) -> NDArray[np.int32]:
+    """The eight neighbours (T P, 8) of each cell: around the circle, and over a pole in the column half a turn away."""
+    up, along = np.array([-1, -1, -1, 0, 0, 1, 1, 1]), np.array([-1, 0, 1, -1, 1, -1, 0, 1])
+    row = np.repeat(np.arange(rows), columns)[:, None] + (up if rows > 1 else 0 * up)
+    over = (row < 0) | (row >= rows)
+    column = np.tile(np.arange(columns), rows)[:, None] + along + np.where(over, columns // 2, 0)
+    beside: NDArray[np.int32] = (np.clip(row, 0, rows - 1) * columns + column % columns).astype(np.int32)
+    return beside
 
 
 @compiled
-def _flood(power: Array32, order: Indices) -> Array32:
-    """As the water falls, islands appear at their peaks and die where they meet a higher one."""
-    rows, columns = power.shape
-    height = power.ravel()
-    parent = np.full(height.size, -1, np.int64)
-    result = np.zeros(height.size, np.float32)
-    aside = np.array([-columns - 1, -columns, -columns + 1, -1, 1, columns - 1, columns, columns + 1])
-    for cell in order:
+def _flood(height: Array32, order: Indices, beside: NDArray[np.int32], parent: Indices, result: Array32) -> None:
+    """As the water falls, islands appear at their peaks and die where they meet a higher one. Cells of no island have
+    a negative parent."""
+    for number in range(order.size):
+        cell = order[number]
         parent[cell] = cell
-        row, column = cell // columns, cell % columns
-        inside = 0 < row < rows - 1 and 0 < column < columns - 1
+        top = cell
         for which in range(8):
-            beside = cell + aside[which] if inside else _neighbour(row, column, which, rows, columns)
-            if parent[beside] < 0:
+            other = np.int64(beside[cell, which])
+            if parent[other] < 0:
                 continue
-            a, b = _root(parent, cell), _root(parent, beside)
-            if a == b:
+            while parent[other] != other:
+                parent[other] = parent[parent[other]]
+                other = parent[other]
+            if other == top:
                 continue
-            if height[a] < height[b]:
-                a, b = b, a
-            result[b] = max(height[b] - height[cell], np.float32(0.0))
-            parent[b] = a
-    result[_root(parent, order[0])] = height[order[0]] - height[order[-1]]
-    return result
+            lower = top if height[top] < height[other] else other
+            top = other if lower == top else top
+            result[lower] = height[lower] - height[cell]
+            parent[lower] = top
 
 
 @compiled
-def _connected(power: Array32, least: np.float32, row: int, column: int) -> Indices:
-    """How many cells of each row (T,) belong to the connected part of `least` and more around a cell, filled by runs
-    of a row at a time."""
-    rows, columns = power.shape
-    inside = np.zeros((rows, columns), np.bool_)
-    cells = np.zeros(rows, np.int64)
-    stack = np.empty((3 * rows * columns + 8, 2), np.int64)
-    stack[0, 0], stack[0, 1], size = row, column, 1
+def _fill(
+    height: Array32, least: np.float32, beside: NDArray[np.int32], inside: NDArray[np.bool_], stack: Indices
+) -> None:
+    """The connected part of `least` and more around the cell that is on the stack, which is inside."""
+    size = 1
     while size > 0:
         size -= 1
-        r, c = stack[size, 0], stack[size, 1]
-        if inside[r, c]:
-            continue
-        left, length = c, 1
-        while length < columns and power[r, left - 1 if left > 0 else columns - 1] >= least:
-            left, length = left - 1 if left > 0 else columns - 1, length + 1
-        while length < columns and power[r, (left + length) % columns] >= least:
-            length += 1
-        cells[r] += length
-        for step in range(length):
-            at = left + step
-            inside[r, at if at < columns else at - columns] = True
-        for side in (-1, 1):
-            beside, shift = r + side, 0
-            if rows == 1:
-                continue
-            if beside < 0 or beside >= rows:
-                beside, shift = r, columns // 2
-            was = False
-            for step in range(-1, length + 1):
-                at = (left + step + shift + columns) % columns
-                now = power[beside, at] >= least and not inside[beside, at]
-                if now and not was:
-                    stack[size, 0], stack[size, 1] = beside, at
-                    size += 1
-                was = now
-    return cells
+        cell = stack[size]
+        for which in range(8):
+            other = beside[cell, which]
+            if height[other] >= least and not inside[other]:
+                inside[other] = True
+                stack[size] = other
+                size += 1

@@ -41,6 +41,8 @@ _PATIENCE: Final = 2
 TOLERANCE: Final = 1e-4
 """Root mean square, over directions, of what is left of a packet's steering vector."""
 
+# Rows of the room to work in, behind the places of a stretch: what is left of each packet, and a column of the kernel.
+_LEFT, _COLUMN = 3, 4
 # sin(pi r) / (pi r) on |r| <= 1/2 as a polynomial in r^2: Taylor's, error 1e-14.
 _S1, _S2, _S3, _S4, _S5, _S6, _S7 = ((-1) ** n * math.pi ** (2 * n) / math.factorial(2 * n + 1) for n in range(1, 8))
 
@@ -57,52 +59,55 @@ def condensed(
     parts = np.ascontiguousarray(np.concatenate([channel.real.T, channel.imag.T]), np.float64)
     runs = np.array([0, len(x)]) if borders is None else borders.copy()
     for length, most in zip(_LENGTHS, _MOST, strict=True):
-        count = _condense(places, parts, runs, length, tolerance**2, most)
+        packets = places.shape[1]
+        room = np.empty((most, packets)), np.empty((5, packets)), np.empty(most, np.int64), np.empty(most)
+        count = _condense(places, parts, runs, length, tolerance**2, most, *room)
         places, parts = places[:, :count].copy(), parts[:, :count].copy()
     half = len(parts) // 2
     return places.T, (parts[:half] + 1j * parts[half:]).T, runs
 
 
 @compiled
-def _condense(places: Array, parts: Array, runs: Indices, length: float, rest: float, most: int) -> int:
+def _condense(
+    places: Array,
+    parts: Array,
+    runs: Indices,
+    length: float,
+    rest: float,
+    most: int,
+    factor: Array,
+    near: Array,
+    members: Indices,
+    weights: Array,
+) -> int:
     """Moves places (3, M) and parts (2 S, M) of the channels of all skeletons to the front; their number. `runs` then
-    tells their runs."""
-    packets, count = places.shape[1], 0
+    tells their runs. Room to work in: `factor` (most, M), `near` (5, M), `members` (most,) and `weights` (most,)."""
+    count, patience, run = 0, _PATIENCE, 1
     first = runs[0]  # 0, but no constant: else all below is compiled for it once more
-    factor = np.empty((most, packets))
-    left, column, members = np.empty(packets), np.empty(3 * packets), np.empty(packets, np.int64)
-    weights = np.empty((parts.shape[0], most))
-    patience, run = _PATIENCE, 1
-    for k in range(1, packets + 1):
+    for k in range(1, places.shape[1] + 1):
         if k < runs[run]:
             far = 0.0
             for axis in range(3):
-                far += (places[axis, k] - places[axis, first]) ** 2
+                far += (places[axis, k] - places[axis, first]) * (places[axis, k] - places[axis, first])
             if far <= length * length:
                 continue
-        size = k - first
-        rank = 0
+        size, rank = k - first, 0
         if patience > 0 and size > 1:
-            rank = _skeleton(places, first, size, rest, min(most, int(_WORTH * size)), factor, left, column, members)
-            patience = min(patience + 1, _PATIENCE) if rank > 0 else patience - 1
-        if rank > 0:
-            _weigh(parts, first, size, rank, factor, members, weights)
-            for i in range(rank):
-                for axis in range(3):
-                    column[axis * rank + i] = places[axis, first + members[i]]
-            for i in range(rank):
-                for axis in range(3):
-                    places[axis, count + i] = column[axis * rank + i]
-                for s in range(parts.shape[0]):
-                    parts[s, count + i] = weights[s, i]
-            count += rank
-        else:
-            for i in range(size):
-                for axis in range(3):
-                    places[axis, count + i] = places[axis, first + i]
-                for s in range(parts.shape[0]):
-                    parts[s, count + i] = parts[s, first + i]
-            count += size
+            for axis in range(3):
+                for i in range(size):
+                    near[axis, i] = places[axis, first + i]
+            worth = int(_WORTH * size)
+            rank = _skeleton(near, size, rest, most if most < worth else worth, factor, members)
+            patience = patience - 1 if rank == 0 else (patience + 1 if patience < _PATIENCE else _PATIENCE)
+        for i in range(rank if rank > 0 else size):
+            for axis in range(3):
+                places[axis, count + i] = near[axis, members[i]] if rank > 0 else places[axis, first + i]
+        for s in range(parts.shape[0]):
+            if rank > 0:
+                _weigh(parts, s, first, size, rank, factor, near, members, weights)
+            for i in range(rank if rank > 0 else size):
+                parts[s, count + i] = weights[i] if rank > 0 else parts[s, first + i]
+        count += rank if rank > 0 else size
         first = k
         if k == runs[run]:
             runs[run] = count
@@ -111,60 +116,60 @@ def _condense(places: Array, parts: Array, runs: Indices, length: float, rest: f
 
 
 @inner
-def _skeleton(
-    places: Array,
-    first: int,
-    size: int,
-    rest: float,
-    most: int,
-    factor: Array,
-    left: Array,
-    column: Array,
-    members: Indices,
-) -> int:
-    """Number of members of one stretch, or 0 where more than `most` would be needed; rows of Cholesky's factor L^T."""
-    # Views, whose indices cannot be negative: else there are no vector lanes.
-    px, py, pz = places[0, first : first + size], places[1, first : first + size], places[2, first : first + size]
-    left[:size] = 1.0
+def _skeleton(near: Array, size: int, rest: float, most: int, factor: Array, members: Indices) -> int:
+    """Number of members of one stretch, or 0 where more than `most` would be needed; rows of Cholesky's factor L^T.
+    The first rows of `near` are its places."""
+    for k in range(size):
+        near[_LEFT, k] = 1.0
     for rank in range(most + 1):
         pivot = 0
         for k in range(1, size):
-            if left[k] > left[pivot]:
+            if near[_LEFT, k] > near[_LEFT, pivot]:
                 pivot = k
-        if left[pivot] <= rest:
+        if near[_LEFT, pivot] <= rest:
             return rank
         if rank == most:
             break
-        x, y, z = px[pivot], py[pivot], pz[pivot]
+        x, y, z = near[0, pivot], near[1, pivot], near[2, pivot]
         for k in range(size):
-            a, b, c = px[k] - x, py[k] - y, pz[k] - z
-            column[k] = _kernel(a * a + b * b + c * c)
+            a, b, c = near[0, k] - x, near[1, k] - y, near[2, k] - z
+            near[_COLUMN, k] = _kernel(a * a + b * b + c * c)
         for i in range(rank):
             share = factor[i, pivot]
             for k in range(size):
-                column[k] -= share * factor[i, k]
-        scale = 1.0 / math.sqrt(left[pivot])
+                near[_COLUMN, k] -= share * factor[i, k]
+        scale = 1.0 / math.sqrt(near[_LEFT, pivot])
         for k in range(size):
-            value = column[k] * scale
+            value = near[_COLUMN, k] * scale
             factor[rank, k] = value
-            left[k] -= value * value
-        left[pivot] = 0.0
+            near[_LEFT, k] -= value * value
+        near[_LEFT, pivot] = 0.0
         members[rank] = pivot
     return 0
 
 
 @inner
-def _weigh(parts: Array, first: int, size: int, rank: int, factor: Array, members: Indices, weights: Array) -> None:
+def _weigh(
+    parts: Array,
+    s: int,
+    first: int,
+    size: int,
+    rank: int,
+    factor: Array,
+    near: Array,
+    members: Indices,
+    weights: Array,
+) -> None:
     """Weights w of the members: L_m^T w = L^T g, from the last on."""
-    for s in range(parts.shape[0]):
-        part = parts[s, first : first + size]
-        for i in range(rank - 1, -1, -1):
-            value = 0.0
-            for k in range(size):
-                value += factor[i, k] * part[k]
-            for j in range(i + 1, rank):
-                value -= factor[i, members[j]] * weights[s, j]
-            weights[s, i] = value / factor[i, members[i]]
+    for k in range(size):
+        near[_COLUMN, k] = parts[s, first + k]
+    for i in range(rank - 1, -1, -1):
+        value = 0.0
+        for k in range(size):
+            value += factor[i, k] * near[_COLUMN, k]
+        for j in range(i + 1, rank):
+            value -= factor[i, members[j]] * weights[j]
+        weights[i] = value / factor[i, members[i]]
 
 
 @inner

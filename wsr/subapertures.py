@@ -17,23 +17,17 @@ direction, longest piece first.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wsr.kernel import phasor
-from wsr.machine_code import compiled, inner, shared
-from wsr.ofdm import LAG, UNIT_HZ, Grid
+from wsr.ofdm import Grid
+from wsr.search import AZIMUTH, BLOCK, COHERENCE, DELAY_NS, DELAY_NS_PER_RAD, INVERSE, MAX_DELAY_NS, POLAR, search
 from wsr.skeleton import condensed
 
-_MAX_DELAY_NS = 60.0
-BLOCK = 64
-"""Directions that are fused at once: a few vector registers of them, and what is added up stays in the first cache."""
 _TOLERANCE = 1e-3
-_DELAY_NS_PER_RAD = -1e9 / (2 * math.pi * LAG * UNIT_HZ)
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -59,19 +53,15 @@ class SubApertures:
     h: Array32
     """(2, S, B): real and imaginary parts."""
     wavelength_m: float
-    lag: NDArray[np.complex64]
-    """(S, S): sum over subcarriers a lag apart of their product, as a form in y. (0, 0) without delays."""
+    lag: Array32
+    """(2, S, S): real and imaginary part of the sum over subcarriers a lag apart of their product, as a form in y.
+    (2, 0, 0) without delays."""
     cuts: Indices
     """(C + 1,) first bin of each run, and B. Runs are never split."""
     pieces: Indices
     """(P, 5): scale, sub-aperture, first run, run after the last, bins; of one segment each, longest first."""
     power: float
     """mean over subcarriers and bins of |h|^2, times subcarriers."""
-
-    def arrays(self, delays: bool) -> tuple[Array32, Array32, Array32, Indices, Indices, NDArray[np.complex64], float]:
-        """What `score_grid` takes first, with an empty `lag` without `delays`."""
-        lag = self.lag if delays else np.zeros((0, 0), np.complex64)
-        return self.x, (self.x**2).sum(axis=0), self.h[None], self.cuts, self.pieces, lag, self.power
 
     def condensed(self) -> SubApertures:
         """The same with skeletons in the place of runs of bins: scores within 1e-3 of the maximum."""
@@ -140,28 +130,53 @@ def score_together(
     links: Sequence[SubApertures], u: Array, ranges_m: Sequence[float | None], delay_ns: float | None
 ) -> list[Scores]:
     """The same for parts that share their bins, cuts and pieces, with steering vectors made once for all."""
-    first = links[0]
-    scales = int(first.pieces[-1, 0]) + 1
-    shape = (len(links), scales, len(u) * len(ranges_m))
-    coherence, phase = np.empty(shape, np.float32), np.zeros(shape, np.float32)
+    first, count = links[0], len(u) * len(ranges_m)
     inverse = np.array([0.0 if r is None else first.wavelength_m / r for r in ranges_m], np.float32)
-    x, x2, h, cuts, pieces, lag, power = first.arrays(delay_ns is not None)
-    if len(links) > 1:
-        h = np.stack([link.h for link in links])
-    directions = np.ascontiguousarray(u, np.float32)
-    if len(ranges_m) != 1:
-        directions = np.tile(directions, (len(ranges_m), 1))
-    score_grid(x, x2, h, cuts, pieces, lag, power, directions, inverse.repeat(len(u)), coherence, phase)
-    apart = (len(links), scales, len(ranges_m), len(u))
-    f, late = (each.reshape(apart).swapaxes(2, 3) for each in (coherence, phase))
-    if delay_ns is None or not lag.size:
+    # What is left over of the last block stands for any direction.
+    lanes = np.zeros((-(-count // BLOCK) * BLOCK, 4), np.float32)
+    lanes[:count].reshape(len(ranges_m), len(u), 4)[:, :, :3] = u
+    lanes[:count, 3] = inverse.repeat(len(u))
+    blocks = lanes.reshape(-1, BLOCK, 4).transpose(0, 2, 1).reshape(-1, 4 * BLOCK)
+    found = _searched(links, blocks, delay_ns is not None, np.zeros(1 + DELAY_NS), np.ones(1), 0)
+    scales = found.shape[2]
+    every = found.reshape(-1, len(links), scales, 2, BLOCK).transpose(3, 1, 2, 0, 4)
+    every = every.reshape(2, len(links), scales, -1)[..., :count]
+    f, late = every.reshape(2, len(links), scales, len(ranges_m), len(u)).swapaxes(3, 4)
+    if delay_ns is None or not first.lag.size:
         return [Scores(each, each) for each in f]
     return [Scores(each * delay_weight(rad, delay_ns), each) for each, rad in zip(f, late, strict=True)]
 
 
+def climbed(
+    parts: SubApertures, state: Sequence[float], peak: Array, delays: bool, steps: int
+) -> tuple[float, float, float, float]:
+    """Azimuth, polar angle, inverse range a wavelength (0: far field, and stays so) and coherence after so many steps
+    of `wsr.search.search`, which names the numbers of `state`, with scores over their `peak` (K,)."""
+    climb = np.array(state)
+    _searched([parts], np.zeros((1, 4 * BLOCK), np.float32), delays, climb, peak.copy(), steps)
+    return float(climb[AZIMUTH]), float(climb[POLAR]), float(climb[INVERSE]), float(climb[COHERENCE])
+
+
+def _searched(
+    links: Sequence[SubApertures], blocks: Array32, delays: bool, climb: Array, peak: Array, steps: int
+) -> Array32:
+    """What `wsr.search.search` finds, (N, T, K, 2 W)."""
+    first, runs = links[0], len(links[0].cuts) - 1
+    h = first.h[None] if len(links) == 1 else np.stack([link.h for link in links])
+    combos = h.shape[2]
+    found = np.empty((len(blocks), len(links), int(first.pieces[-1, 0]) + 1, 2 * BLOCK), np.float32)
+    steering = np.empty((int(np.diff(first.cuts).max()), 2 * BLOCK), np.float32)
+    y, total = np.empty((len(links), runs, combos, 2 * BLOCK), np.float32), np.empty((combos, 4 * BLOCK), np.float32)
+    x = np.concatenate([first.x, (first.x**2).sum(axis=0)[None]])
+    lag = first.lag if delays else first.lag[:, :0, :0].copy()
+    room = steering, y, total, np.empty(4 * BLOCK, np.float32), climb, peak, np.empty(27), np.empty((3, 4)), np.empty(3)
+    search(x, h, first.cuts, first.pieces, lag, first.power, blocks, found, *room, steps)
+    return found
+
+
 def delay_weight(phase_rad: Array32, delay_ns: float) -> Array32:
     """exp(-delay / `delay_ns`) for phases, of any shape, of the product of subcarriers a lag apart."""
-    late_ns = np.minimum(np.maximum(phase_rad * _DELAY_NS_PER_RAD, -_MAX_DELAY_NS), _MAX_DELAY_NS)
+    late_ns = np.minimum(np.maximum(phase_rad * DELAY_NS_PER_RAD, -MAX_DELAY_NS), MAX_DELAY_NS)
     weight: Array32 = np.exp(late_ns * (-1.0 / delay_ns))
     return weight
 
@@ -175,224 +190,26 @@ def _basis(channel: Complex, share: float) -> Complex | None:
     return np.asarray(vectors[:, ::-1][:, : int(np.searchsorted(held, share)) + 1])
 
 
-def _lag_form(grid: Grid | None, basis: Complex | None) -> NDArray[np.complex64]:
-    """Q with sum_k y(k + lag) y(k)^* = sum_ab z_a z_b^* Q_ab where y = B z."""
+def _lag_form(grid: Grid | None, basis: Complex | None) -> Array32:
+    """Q (2, S, S) with sum_k y(k + lag) y(k)^* = sum_ab z_a z_b^* Q_ab where y = B z."""
     if grid is None or not grid.first.size:
-        return np.zeros((0, 0), np.complex64)
+        return np.zeros((2, 0, 0), np.float32)
     full = np.eye(grid.size, dtype=np.complex128) if basis is None else basis
-    return np.asarray(full[grid.second].T @ full[grid.first].conj(), np.complex64)
+    form = full[grid.second].T @ full[grid.first].conj()
+    return np.stack([form.real, form.imag]).astype(np.float32)
 
 
-@compiled
 def _pieces(owners: Indices, sizes: Indices, segment: Indices, resign: bool) -> Indices:
     """`SubApertures.pieces` of C runs: which sub-aperture each belongs to at each scale (K, C), so many bins (C,), of
     the segment (C,). Both numbers do not decrease."""
     scales, runs = owners.shape
-    rows, count = np.empty((scales * runs, 5), np.int64), 0
-    for scale in range(scales):
-        group, top, first = 0, count, 0
-        for run in range(runs):
-            owner, last = owners[scale, run], run == runs - 1
-            if not last and owners[scale, run + 1] == owner and segment[run + 1] == segment[run]:
-                continue
-            size, at = 0, count
-            for one in range(first, run + 1):
-                size += sizes[one]
-            while at > top and rows[at - 1, 4] < size:
-                for field in range(5):
-                    rows[at, field] = rows[at - 1, field]
-                at -= 1
-            rows[at, 0], rows[at, 2], rows[at, 3], rows[at, 4] = scale, first, run + 1, size
-            count, first = count + 1, run + 1
-            if last or owners[scale, run + 1] != owner:
-                for at in range(top, count):
-                    rows[at, 1] = group
-                    group += not resign
-                group += resign
-                top = count
-    return rows[:count].copy()
-
-
-@shared
-def score_grid(
-    x: Array32,
-    x2: Array32,
-    h: Array32,
-    cuts: Indices,
-    pieces: Indices,
-    lag: NDArray[np.complex64],
-    power: float,
-    u: Array32,
-    inverse: Array32,
-    coherence: Array32,
-    phase: Array32,
-) -> None:
-    """Coherence, and phase of the lagged product if there is a `lag`, (T, K, N) each, of directions u (N, 3) with
-    inverse ranges (N,) a wavelength, 0 for the far field. What comes first is `SubApertures.arrays`, h for T of them.
-
-    Vector lanes run over directions, in blocks.
-    """
-    links, combos = h.shape[0], h.shape[2]
-    longest = 0
-    for run in range(cuts.size - 1):
-        longest = max(longest, cuts[run + 1] - cuts[run])
-    # What is left over of the last block stands for any direction.
-    lanes = np.zeros((4, BLOCK), np.float32)
-    steering = np.empty((longest, 2, BLOCK), np.float32)
-    y = np.empty((links, cuts.size - 1, combos * 2 * BLOCK), np.float32)
-    room = np.empty((2, combos * 2 * BLOCK), np.float32)
-    result = np.empty((2, coherence.shape[1], BLOCK), np.float32)
-    for begin in range(0, u.shape[0], BLOCK):
-        count = min(BLOCK, u.shape[0] - begin)
-        for m in range(count):
-            for axis in range(3):
-                lanes[axis, m] = u[begin + m, axis]
-            lanes[3, m] = inverse[begin + m]
-        for run in range(cuts.size - 1):
-            first = cuts[run]
-            for b in range(first, cuts[run + 1]):
-                _steer(lanes, x[0, b], x[1, b], x[2, b], x2[b], steering[b - first])
-            for link in range(links):
-                for s in range(combos):
-                    at = s * 2 * BLOCK
-                    _add_up(h[link, 0, s], h[link, 1, s], first, cuts[run + 1], steering, y[link, run, at:])
-        for link in range(links):
-            _fuse(y[link], pieces, lag, power, room[0], room[1], result)
-            for scale in range(coherence.shape[1]):
-                for m in range(count):
-                    coherence[link, scale, begin + m] = result[0, scale, m]
-                    phase[link, scale, begin + m] = result[1, scale, m]
-
-
-@inner
-def _steer(lanes: Array32, x: np.float32, y: np.float32, z: np.float32, square: np.float32, out: Array32) -> None:
-    """exp(+j 2 pi d) (2, W) of one bin: d = |r u - x| - r without cancellation, with q = 1 / r
-    (q x^2 - 2 u.x) / (sqrt(1 - 2 q u.x + q^2 x^2) + 1)."""
-    one, two, zero = np.float32(1.0), np.float32(2.0), np.float32(0.0)
-    for m in range(BLOCK):
-        q = lanes[3, m]
-        more = q * square - two * (lanes[0, m] * x + lanes[1, m] * y + lanes[2, m] * z)
-        turns = more / (np.sqrt(max(one + q * more, zero)) + one)
-        out[0, m], out[1, m] = phasor(turns - np.rint(turns))
-
-
-@inner
-def _add_up(re: Array32, im: Array32, first: int, after: int, steering: Array32, out: Array32) -> None:
-    """Sums (2, W) of h times steering (B, 2, W) over some bins: the inner loop."""
-    for m in range(2 * BLOCK):
-        out[m] = 0.0
-    for b in range(first, after):
-        a, c, at = re[b], im[b], steering[b - first]
-        for m in range(BLOCK):
-            out[m] += a * at[0, m] - c * at[1, m]
-            out[m + BLOCK] += a * at[1, m] + c * at[0, m]
-
-
-@inner
-def _fuse(
-    y: Array32,
-    pieces: Indices,
-    lag: NDArray[np.complex64],
-    power: float,
-    total: Array32,
-    piece: Array32,
-    result: Array32,
-) -> None:
-    """Coherence and phase of the lagged product (2, K, W) at each scale, from the sums (C, 2 S W) of runs. Vector lanes
-    run over directions. `total` and `piece` (2 S W,) are room to work in."""
-    width, last = y.shape[1], pieces.shape[0] - 1
-    match, energy = np.empty(BLOCK, np.float32), np.zeros(BLOCK, np.float32)
-    lagged = np.zeros(2 * BLOCK, np.float32)
-    squares = size = np.float32(0.0)
-    fresh = True
-    for p in range(last + 1):
-        into = total if fresh else piece
-        into[:] = 0.0
-        for run in range(pieces[p, 2], pieces[p, 3]):
-            more = y[run]
-            for i in range(width):
-                into[i] += more[i]
-        if not fresh:
-            match[:] = 0.0
-            for at in range(0, width, BLOCK):
-                _add_products(piece[at:], total[at:], match)
-            for at in range(0, width, BLOCK):
-                _join(piece[at:], match, total[at:])
-        size += np.float32(pieces[p, 4])
-        new_scale = p == last or pieces[p + 1, 0] != pieces[p, 0]
-        fresh = new_scale or pieces[p + 1, 1] != pieces[p, 1]
-        if not fresh:
-            continue
-        for at in range(0, width, BLOCK):
-            _add_products(total[at:], total[at:], energy)
-        for a in range(lag.shape[0]):
-            for b in range(lag.shape[0]):
-                _add_lagged(total[2 * BLOCK * a :], total[2 * BLOCK * b :], lag[a, b].real, lag[a, b].imag, lagged)
-        squares += size * size
-        size = np.float32(0.0)
-        if new_scale:
-            scale = np.float32(1.0) / (np.float32(power) * squares)
-            for m in range(BLOCK):
-                result[0, pieces[p, 0], m] = energy[m] * scale
-            if lag.shape[0] > 0:
-                _angles(lagged, result[1, pieces[p, 0]])
-            energy[:], lagged[:] = 0.0, 0.0
-            squares = np.float32(0.0)
-
-
-@inner
-def _add_products(a: Array32, b: Array32, out: Array32) -> None:
-    """Adds a b (W,). Views that begin where lanes do, here and below: with indices that might be negative the compiler
-    gathers lanes one by one, which takes a third of the whole search."""
-    for m in range(BLOCK):
-        out[m] += a[m] * b[m]
-
-
-@inner
-def _join(piece: Array32, match: Array32, total: Array32) -> None:
-    """Adds a piece (W,) with the sign that matches."""
-    for m in range(BLOCK):
-        total[m] += piece[m] if match[m] >= 0 else -piece[m]
-
-
-@inner
-def _add_lagged(a: Array32, b: Array32, re: np.float32, im: np.float32, lagged: Array32) -> None:
-    """Adds a b^* (re + j im), for complex numbers (2 W,), real parts first."""
-    for m in range(BLOCK):
-        product_re = a[m] * b[m] + a[m + BLOCK] * b[m + BLOCK]
-        product_im = a[m + BLOCK] * b[m] - a[m] * b[m + BLOCK]
-        lagged[m] += product_re * re - product_im * im
-        lagged[m + BLOCK] += product_re * im + product_im * re
-
-
-# arctan(a) / a on 0 <= a <= 1 as a polynomial in a^2: minimax, error 4e-8 rad before rounding.
-_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7 = (
-    np.float32(c)
-    for c in (
-        0.99999933558,
-        -0.33329860775,
-        0.19946565506,
-        -0.1390862868,
-        0.096421948193,
-        -0.055912289341,
-        0.021862930039,
-        -0.0040545590533,
-    )
-)
-
-
-@inner
-def _angles(xy: Array32, out: Array32) -> None:
-    """arctan2 of (2 W,), which the mathematical library has for one number at a time only."""
-    zero, one, half, quarter = np.float32(0.0), np.float32(1.0), np.float32(math.pi), np.float32(math.pi / 2)
-    for m in range(BLOCK):
-        x, y = xy[m], xy[m + BLOCK]
-        ax, ay = abs(x), abs(y)
-        top = ax if ax > ay else ay
-        ratio = (ay if ax > ay else ax) / (top if top > zero else one)
-        q = ratio * ratio
-        value = _A4 + q * (_A5 + q * (_A6 + q * _A7))
-        value = ratio * (_A0 + q * (_A1 + q * (_A2 + q * (_A3 + q * value))))
-        value = quarter - value if ay > ax else value
-        value = half - value if x < zero else value
-        out[m] = -value if y < zero else value
+    scale, first = np.nonzero((np.diff(owners, prepend=-1) != 0) | (np.diff(segment, prepend=-1) != 0))
+    # What begins next, or the end of the path, where the next scale begins.
+    after = np.append((scale * runs + first)[1:], scales * runs) - scale * runs
+    before = np.append(0, np.cumsum(sizes))
+    size, owner = before[after] - before[first], owners[scale, first]
+    longest_first = np.lexsort((-size, owner, scale))
+    another = (np.diff(owner, prepend=-1) != 0) | (np.diff(scale, prepend=-1) != 0) | (not resign)
+    group = np.cumsum(another) - 1
+    group -= group[np.searchsorted(scale, scale)]
+    return np.stack([scale, group, first[longest_first], after[longest_first], size[longest_first]], axis=1)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsr.channel import SPEED_OF_LIGHT_M_S
-from wsr.kernel import phasors
+from wsr.kernel import turned_phasor
 from wsr.machine_code import compiled
 from wsr.middle import median
 
@@ -66,12 +66,15 @@ def carrier_offset_hz(
     skew, skew_std = _skew(turnaround_s, our_clock_s)
     expected_hz = min(max(skew * carrier_hz, -MAX_OFFSET_HZ), MAX_OFFSET_HZ)
     scale_hz = max(skew_std * carrier_hz, _LEAST_SKEW_STD_HZ)
-    re, im = (np.ascontiguousarray(part[:size], np.float32) for part in (step.real, step.imag))
-    change_s = np.ascontiguousarray(np.diff(turnaround_s)[:size])
+    re, im = (part[:size].astype(np.float32).reshape(-1, _BLOCK) for part in (step.real, step.imag))
+    change_s = np.diff(turnaround_s)[:size].reshape(-1, _BLOCK)
+    turns, wave = np.empty_like(change_s), np.empty((2, *change_s.shape), np.float32)
     chance_std = _CHANCE_STD * (_BLOCK / size) ** 0.5
 
     def best(candidates_hz: Array) -> float:
-        gain = np.maximum(_agreement(candidates_hz, re, im, change_s) - _BY_CHANCE, 0.0) / chance_std
+        sums = np.zeros(candidates_hz.size, np.float32)
+        _agreement(candidates_hz, re, im, change_s, turns, wave, sums)
+        gain = np.maximum(sums / np.float32(size) - _BY_CHANCE, 0.0) / chance_std
         off = (candidates_hz - expected_hz) / scale_hz
         return float(candidates_hz[np.argmax(0.5 * gain**2 - _TAIL * np.log1p(off**2))])
 
@@ -112,21 +115,29 @@ def _skew(turnaround_s: Array, clock_s: Array) -> tuple[float, float]:
 
 @compiled
 def _agreement(
-    offsets_hz: Array, re: NDArray[np.float32], im: NDArray[np.float32], change_s: Array
-) -> NDArray[np.float32]:
-    """Mean over blocks of |mean of (re + j im) exp(j 2 pi f change)| for each f."""
-    result = np.zeros(offsets_hz.size, np.float32)
-    turns = np.empty(change_s.size, np.float64)
-    cosine = np.empty(change_s.size, np.float32)
-    sine = np.empty(change_s.size, np.float32)
+    offsets_hz: Array,
+    re: NDArray[np.float32],
+    im: NDArray[np.float32],
+    change_s: Array,
+    turns: Array,
+    wave: NDArray[np.float32],
+    result: NDArray[np.float32],
+) -> None:
+    """Sums over blocks (N, _BLOCK) of |sum of (re + j im) exp(j 2 pi f change)| for each f, added to the result.
+
+    Room to work in: `turns` (N, _BLOCK) and `wave` (2, N, _BLOCK). Turns are stored before they are reduced, so that
+    no multiply-add makes others of them: the maximum is sought on a grid, and steps with the last digit.
+    """
     for i in range(offsets_hz.size):
-        for k in range(change_s.size):
-            turns[k] = offsets_hz[i] * change_s[k]
-        phasors(turns, cosine, sine)
-        for start in range(0, change_s.size, _BLOCK):
+        for block in range(re.shape[0]):
+            for k in range(_BLOCK):
+                turns[block, k] = offsets_hz[i] * change_s[block, k]
+        for block in range(re.shape[0]):
+            for k in range(_BLOCK):
+                wave[0, block, k], wave[1, block, k] = turned_phasor(turns[block, k])
+        for block in range(re.shape[0]):
             a = b = np.float32(0.0)
-            for k in range(start, start + _BLOCK):
-                a += re[k] * cosine[k] - im[k] * sine[k]
-                b += re[k] * sine[k] + im[k] * cosine[k]
-            result[i] += np.sqrt(a * a + b * b)
-    return result / np.float32(change_s.size)
+            for k in range(_BLOCK):
+                a += re[block, k] * wave[0, block, k] - im[block, k] * wave[1, block, k]
+                b += re[block, k] * wave[1, block, k] + im[block, k] * wave[0, block, k]
+            result[i] += math.sqrt(a * a + b * b)
