@@ -42,8 +42,15 @@ _MESSAGE_HEAD: Final = 31
 _CHUNK_INDEX: Final = 84
 _PER_CHANNEL: Final = 10
 _INDEX_ONCE: Final = 512
+_METADATA_INDEX: Final = 32
 _CHUNKS_BETWEEN: Final = 16
 """Copies of the metadata: a megabyte of messages, or eleven seconds of a flight."""
+
+
+def _bytes_of(name: str, values: Mapping[str, str]) -> int:
+    """Of a metadata record and its line in the index."""
+    pairs = sum(8 + len(key.encode()) + len(value.encode()) for key, value in values.items())
+    return 9 + 8 + len(name.encode()) + pairs + _METADATA_INDEX + len(name.encode())
 
 
 class LogWriter:
@@ -77,6 +84,7 @@ class LogWriter:
         self._told = RecordBuilder()  # schemas and channels of the open chunk
         self._told_before = b""  # and of the one before it
         self._index_bytes = _INDEX_ONCE
+        self._metadata_bytes = 0
         self._metadata: dict[str, dict[str, str]] = {}
         self._repeated = 0
         """Chunks that had ended when the metadata were written last."""
@@ -85,7 +93,7 @@ class LogWriter:
     @property
     def index_bytes(self) -> int:
         """What `finish` adds to the file behind the last chunk, at most."""
-        return self._index_bytes
+        return self._index_bytes + self._metadata_bytes
 
     def write(self, stream: Stream, log_time_ns: int, publish_time_ns: int, sequence: int, *, message: Any) -> None:
         """One message with the views drawn from it. Times are wall times; `sequence` is the number of its event."""
@@ -112,6 +120,7 @@ class LogWriter:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         self._metadata[name] = dict(values) | {CHECKSUM: checksum_of(values)}
+        self._metadata_bytes = sum(_bytes_of(*record) for record in self._metadata.items())
         self._write_metadata(name)
 
     def end_chunk(self) -> None:
@@ -144,7 +153,7 @@ class LogWriter:
 
     def _write_metadata(self, name: str) -> None:
         self._writer.add_metadata(name, self._metadata[name])
-        self._index_bytes += 32 + len(name.encode())
+        self._index_bytes += _METADATA_INDEX + len(name.encode())
 
     def _add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int, *, sequence: int) -> None:
         self._writer.add_message(channel, log_time_ns, data, publish_time_ns, sequence)

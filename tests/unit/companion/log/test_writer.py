@@ -80,3 +80,17 @@ def test_a_checksum_is_of_keys_and_values_whatever_their_order() -> None:
     assert checksum_of({"a": "1", "b": "2"}) == checksum_of({"b": "2", "a": "1"})
     assert checksum_of({"a": "1", "b": "2"}) != checksum_of({"a": "2", "b": "1"})
     assert checksum_of({"a": "1", CHECKSUM: "anything"}) == checksum_of({"a": "1"})
+
+
+@pytest.mark.parametrize("count", [0, 3, 400])
+def test_the_end_of_a_log_is_no_longer_than_was_told(tmp_path: Path, count: int) -> None:
+    """By which a part of a log keeps within its size: the index and one more copy of all metadata."""
+    with (tmp_path / "log.mcap").open("wb") as file:
+        writer = LogWriter(file, METADATA_VALUES | {"config": "x" * 4000})
+        writer.add_metadata("another", {"key": "value" * 100})
+        for number in range(count):
+            writer.write(VEHICLE, number, number, number, message=VehicleState(t_mono_ns=number))
+        writer.end_chunk()
+        before, told = file.tell(), writer.index_bytes
+        writer.finish()
+        assert file.tell() - before <= told < file.tell() - before + 6000
