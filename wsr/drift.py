@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,20 +127,11 @@ def _refined(
     azimuth, polar = math.atan2(u[1], u[0]), math.acos(min(max(float(u[2]), -1.0), 1.0))
     focus = Focus(azimuth, polar, range_m, 0.0)
     width, step_rad = 0.25, _STEP_RAD
+    climb = partial(refine, beam_rad=beam_rad, bounds=bounds, delay_ns=None, coherent_above=2.0, steps=_STEPS_A_ROUND)
     for _ in range(_ROUNDS):
         start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
         here, *beside = _turned_all(parts, tau, [turns, turns - width, turns + width])
-        focus = refine(
-            here,
-            start,
-            np.ones(1),
-            step_rad,
-            beam_rad=beam_rad,
-            bounds=bounds,
-            delay_ns=None,
-            coherent_above=2.0,
-            steps=_STEPS_A_ROUND,
-        )
+        focus = climb(here, start, np.ones(1), step_rad)
         at = direction(focus.azimuth_rad, focus.polar_rad)[None, :]
         scores = score_together([here, *beside], at, (focus.range_m,), None)
         middle, low, high = (float(each.coherence[0, 0, 0]) for each in scores)
@@ -149,15 +141,5 @@ def _refined(
         width, step_rad = 0.5 * width, 0.5 * step_rad
     here = turned(parts, tau, turns)
     start = (focus.azimuth_rad, focus.polar_rad, focus.range_m)
-    focus = refine(
-        here.condensed(),
-        start,
-        np.ones(1),
-        step_rad,
-        beam_rad=beam_rad,
-        bounds=bounds,
-        delay_ns=None,
-        coherent_above=2.0,
-        steps=_STEPS_A_ROUND,
-    )
+    focus = climb(here.condensed(), start, np.ones(1), step_rad)
     return Drift(focus, turns, tau, here)

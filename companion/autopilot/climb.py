@@ -25,6 +25,23 @@ _STAYS_NS: Final = 3_000_000_000
 second were seen at 0.95 of 1.5 m, before it climbed on."""
 
 
+_READ_NS: Final = 1_500_000_000
+"""PX4's navigator reads parameters once a second at most: a takeoff that comes sooner climbs to the height before."""
+
+
+class HeightRead:
+    """Whether PX4 has had the time to read a height that was set when it told `before`."""
+
+    def __init__(self, before: VehicleState) -> None:
+        self._before = before
+
+    def is_over(self, state: VehicleState) -> bool:
+        """Raises GaveWayError when mode or arming changed meanwhile."""
+        if (state.mode, state.armed) != (self._before.mode, self._before.armed):
+            raise GaveWayError(f"takeoff: {state.mode} and armed {state.armed} meanwhile; somebody else decided")
+        return state.t_mono_ns - self._before.t_mono_ns >= _READ_NS
+
+
 class Climb:
     """One takeoff from `ground_m` (Up of the local frame) to `height_m` above it; `radius_m` is NAV_MC_ALT_RAD."""
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from companion.autopilot import onboard_status, px4_modes, rates
-from companion.autopilot.climb import Climb
+from companion.autopilot.climb import Climb, HeightRead
 from companion.autopilot.ground_station import GroundStation
 from companion.autopilot.mavsdk_link import MavsdkLink
 from companion.autopilot.odometry import odometry_fields
@@ -35,8 +35,6 @@ _POLL_S = 0.01
 _STALLED_S = 0.5
 _CLIMB_S_PER_M = 4.0
 """PX4 may be set to climb as slowly as this in takeoff."""
-_NAVIGATOR_READS_NS = 1_500_000_000
-"""PX4's navigator reads parameters once a second at most: a takeoff that comes sooner climbs to the height before."""
 _WATCH_NS = NS_PER_S // 10
 _HEARTBEAT_LATE_S = 1.1
 """Heartbeats come at 1 Hz. One that is late is asked for, so that a single lost one is no lost link."""
@@ -193,7 +191,7 @@ class MavsdkAutopilot:
         ground_m = self._height_m()
         if abs(await self.parameter("MIS_TAKEOFF_ALT") - height_m) > 1e-3:
             await self.set_parameter("MIS_TAKEOFF_ALT", height_m)
-            await self._navigator_reads()
+            await self._until(HeightRead(self.state()).is_over, 2 * _CONFIRM_TIMEOUT_S, "takeoff: its height")
         climb = Climb(ground_m, height_m, float(await self.parameter("NAV_MC_ALT_RAD")))
         # NaN (null) leaves yaw, place and altitude to PX4, which then climbs to MIS_TAKEOFF_ALT.
         await self._command(
@@ -203,16 +201,6 @@ class MavsdkAutopilot:
             "takeoff",
         )
         await self._until(climb.hovers, 10 + _CLIMB_S_PER_M * height_m, f"takeoff: hovering at {height_m:g} m")
-
-    async def _navigator_reads(self) -> None:
-        until_ns, before = self._clock.now_ns() + _NAVIGATOR_READS_NS, self.state()
-
-        def is_read(state: VehicleState) -> bool:
-            if (state.mode, state.armed) != (before.mode, before.armed):
-                raise GaveWayError(f"takeoff: {state.mode} and armed {state.armed} meanwhile; somebody else decided")
-            return self._clock.now_ns() >= until_ns
-
-        await self._until(is_read, 2 * _CONFIRM_TIMEOUT_S, "takeoff: its height")
 
     async def request_offboard(self) -> None:
         """Raises AutopilotError after 3 s, or as soon as the mode changes to anything else: somebody took over."""

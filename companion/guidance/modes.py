@@ -30,6 +30,12 @@ def densest(offsets_m: _Floats, weight: _Floats) -> npt.NDArray[np.intp]:
     return np.flatnonzero(inside)
 
 
+def normalised(log_weight: _Floats) -> _Floats:
+    """Logarithms of weights (N,) that come to one."""
+    log_weight = log_weight - log_weight.max()
+    return np.asarray(log_weight - math.log(float(np.exp(log_weight).sum())))
+
+
 def systematic(probability: _Floats, count: int) -> npt.NDArray[np.intp]:
     """Indices (count,) of a systematic sample of places with probabilities (N,)."""
     at = (np.arange(count) + 0.5) / count

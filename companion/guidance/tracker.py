@@ -22,7 +22,7 @@ from companion.core.messages import Vector3
 from companion.guidance.antenna_height import AntennaHeight
 from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
-from companion.guidance.modes import densest, systematic
+from companion.guidance.modes import densest, normalised, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Rival, Scatter, Target, moments, vector, whole_belief
 from companion.guidance.twins import parted
@@ -120,7 +120,7 @@ class TargetTracker:
             self._share = prior_share(self._elevation_rad)
             self._stood = self._heights.log_prior(self._height_m(self._origins_m, bearing, ground_m))
             drawn = 0.0 if self._heights.is_expected else self._stood
-            self._log_weight = _normalised(drawn - np.log(density))
+            self._log_weight = normalised(drawn - np.log(density))
             self._weigh(bearing, ground_m)
         else:
             self._wander(self._newest, bearing)
@@ -294,7 +294,7 @@ class TargetTracker:
         old_std, std = before.turn.std_rad, bearing.turn.std_rad
         old = self._heading_rad
         self._heading_rad = old + (bearing.turn.yaw_rad - before.turn.yaw_rad)
-        self._log_weight = _normalised(self._log_weight + 0.5 * ((old / old_std) ** 2 - (self._heading_rad / std) ** 2))
+        self._log_weight = normalised(self._log_weight + 0.5 * ((old / old_std) ** 2 - (self._heading_rad / std) ** 2))
 
     def _weigh(self, bearing: Bearing, ground_m: float) -> None:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
@@ -315,7 +315,7 @@ class TargetTracker:
         self._loudness.add(_place(bearing), bearing.power_dbm, bearing.fresh)
         told = self._loudness.evidence(self._origins_m)
         self._multiply(of_power(self._share, np.exp(self._log_weight), told - self._told))
-        self._log_weight = _normalised(self._log_weight)
+        self._log_weight = normalised(self._log_weight)
         self._told = told
 
     def _multiply(self, factor: _Floats) -> None:
@@ -337,7 +337,7 @@ class TargetTracker:
         if self._allowed is not None:
             places_m = self._origins_m + np.array(bearing.target_p_enu_m)
             log_weight = np.where(self._allowed(places_m), log_weight, log_weight - _EXCLUDED)
-        self._log_weight = _normalised(log_weight)
+        self._log_weight = normalised(log_weight)
 
     def _bear(self, bearing: Bearing, ground_m: float) -> None:
         """The lightest particles die for new ones, before the bearing is weighed. Those that are drawn where it points
@@ -395,8 +395,3 @@ class TargetTracker:
 def _place(bearing: Bearing) -> _Floats:
     """Where a bearing was taken (3,), relative to the target's motion: from here it points to the common origin."""
     return np.asarray(np.subtract(bearing.p_local_enu_m, bearing.target_p_enu_m))
-
-
-def _normalised(log_weight: _Floats) -> _Floats:
-    log_weight = log_weight - log_weight.max()
-    return np.asarray(log_weight - math.log(float(np.exp(log_weight).sum())))

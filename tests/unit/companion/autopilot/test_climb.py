@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from companion.autopilot.climb import Climb
+from companion.autopilot.climb import Climb, HeightRead
 from companion.autopilot.port import GaveWayError
 from companion.core.clock import NS_PER_S
 from companion.core.messages import FlightMode, VehicleState
@@ -137,3 +137,16 @@ def test_as_long_as_px4_takes_off_it_is_px4s_own() -> None:
     climb = Climb(0.0, 1.5, 0.8)
     for t_s in (0.0, 1.0, 2.0):
         assert not climb.hovers(_state(FlightMode.TAKEOFF, 0.1, 0.0, t_s))
+
+
+def test_a_height_is_read_after_a_second_and_a_half_and_no_earlier() -> None:
+    read = HeightRead(_state(FlightMode.HOLD, 0.0, 0.0, 10.0, in_air=False))
+    assert not read.is_over(_state(FlightMode.HOLD, 0.0, 0.0, 11.499_999_999, in_air=False))
+    assert read.is_over(_state(FlightMode.HOLD, 0.0, 0.0, 11.5, in_air=False))
+
+
+def test_who_chooses_a_mode_or_disarms_while_the_height_is_read_is_given_way_to() -> None:
+    before = _state(FlightMode.HOLD, 0.0, 0.0, 10.0, in_air=False)
+    for now in (replace(before, mode=FlightMode.MANUAL), replace(before, armed=not before.armed)):
+        with pytest.raises(GaveWayError, match="meanwhile; somebody else decided"):
+            HeightRead(before).is_over(now)
