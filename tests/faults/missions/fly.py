@@ -41,6 +41,7 @@ from tests.faults.missions.trace import (
     Ticked,
     Trace,
 )
+from tests.faults.missions.tracker import FaultyTracker
 from tests.faults.missions.vehicle import Vehicle, VehicleLink, edge_on, setpoint
 
 _BATTERIES: dict[str, dict[int, float | None]] = {
@@ -140,19 +141,12 @@ class Service:
             places, really = self.flight.knowledge.targets.places(), self.world.vehicle.commander.mode
             told = self.told if self.told is not None and self.told.t_mono_ns == now_ns else self.edge.state()
             offered, state = setpoint(fields, now_ns), self.flight.state
-            frame = getattr(self.flight, "_frame", None)
-            ground_m = 0.0 if frame is None else frame.ground_m
             entries.append(
                 Sent(
-                    t_ns=now_ns,
-                    setpoint=offered,
-                    told=told,
-                    state=state,
-                    really=really,
-                    places=places,
-                    ground_m=ground_m,
+                    t_ns=now_ns, setpoint=offered, told=told, state=state, really=really, places=places,
+                    ground_m=self.flight._frame.ground_m,
                 )
-            )
+            )  # fmt: skip
         elif name == "COMMAND_LONG" and fields["command"] in (22, 176, 400):
             wanted = None
             if fields["command"] == 176:
@@ -183,9 +177,8 @@ class World:
         self._engaged_ns = 0
         self._asks_left = scenario.asks_again
         self._asks_after_s = self.rng.choice(_ASKS_AFTER_S)
-        self.offset_m = [0.0, 0.0, 0.0]
+        self._tracker = FaultyTracker()
         self._pose_ns = self._packet_ns = self._datagram_ns = clock.t_ns
-        self._frozen: Pose | None = None
         self._asking: list[asyncio.Task[Any]] = []
         self._ending: asyncio.Task[None] | None = None
         last_s = max(fault.at_s + min(fault.for_s, 6.0) for fault in scenario.faults) + _QUIET_S
@@ -284,28 +277,7 @@ class World:
         if word == "silent":
             return
         for true in poses:
-            pose = true
-            if word or any(self.offset_m):
-                x, y, z = (p + o for p, o in zip(true.p_enu_m, self.offset_m, strict=True))
-                x = math.nan if word == "nan" else x
-                confidence = {"failed": 0, "low": 1}.get(word, true.confidence)
-                pose = Pose(
-                    t_mono_ns=true.t_mono_ns,
-                    p_enu_m=(x, y, z),
-                    q_enu_from_body=true.q_enu_from_body,
-                    v_enu_m_s=true.v_enu_m_s,
-                    confidence=confidence,
-                )
-            if word == "frozen" and self._frozen is not None:
-                old = self._frozen
-                pose = Pose(
-                    t_mono_ns=true.t_mono_ns,
-                    p_enu_m=old.p_enu_m,
-                    q_enu_from_body=old.q_enu_from_body,
-                    v_enu_m_s=old.v_enu_m_s,
-                    confidence=3,
-                )
-            self._frozen = pose
+            pose = self._tracker.pose(true, word)
             if word not in ("nan", "failed"):
                 self._pose_ns = true.t_mono_ns
             service.intake.take(pose)
@@ -396,7 +368,7 @@ class World:
             case "switch":
                 self._switch_up = not self._switch_up
             case "jump":
-                self.offset_m[0] += 0.2 + fault.size
+                self._tracker.jump(0.2 + fault.size)
             case "reset":
                 vehicle.commander.estimator.reset_by((2.0 * fault.size - 1.0, 0.5, 0.0))
             case "abort" if service is not None:
