@@ -26,7 +26,7 @@ _CIRCLE_M: Final = 0.35
 _LEAST_CIRCLE_M: Final = 0.8
 """and on the level not nearer than this: its height is known less well than its place, and from above it has no
 azimuth."""
-_SURE_WEAVE: Final = 0.3
+_SURE_WEAVE: Final = 0.4
 """The share of the weave that is left while the direction is sure."""
 _NEAR_WEAVE: Final = 0.5
 """What is left from near: there a range must show, which takes an aperture that is deep in all directions."""
