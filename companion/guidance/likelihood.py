@@ -101,7 +101,7 @@ def _likelihood(
     across_var = (sine * bearing.azimuth_std_rad) ** 2 + (regime.across_std_rad**2 + drift**2)
     down_var = bearing.polar_std_rad**2 + regime.down_std_rad**2 + drift**2
     level = math.isinf(down_var)
-    scale = 1.0 / (np.sqrt(across_var) * (math.sqrt(math.tau) * math.pi if level else math.tau * math.sqrt(down_var)))
+    scale = _of_azimuth(np.sqrt(across_var), sine) if level else 1.0 / (math.tau * np.sqrt(across_var * down_var))
 
     def seen(miss: tuple[Floats, Floats]) -> Floats:
         misfit = miss[0] / across_var
@@ -123,6 +123,13 @@ def _likelihood(
     mean = regime.reliability
     told = math.exp(-bearing.reliability / mean) / (mean * -math.expm1(-1.0 / mean))
     return np.asarray(told * total)
+
+
+def _of_azimuth(across_std: Floats, sine: Floats) -> Floats:
+    """(N,) density [1 / sr] at the azimuth where a target is seen, of a bearing that tells no height: what is right
+    above or below has any azimuth."""
+    std = across_std / np.maximum(sine, 1e-6)
+    return np.asarray(0.5 / (math.sqrt(math.tau) * std * (2.0 * _below(math.pi / std) - 1.0)))
 
 
 def _shown(bearing: Bearing, range_m: Floats, drift: float) -> Floats | None:

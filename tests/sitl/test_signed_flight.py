@@ -40,13 +40,12 @@ async def test_another_key_is_refused_in_words_and_the_right_one_is_not(flying: 
     answer = await flying.command("engage")
     assert not answer["ok"] and "the vehicle has another key" in answer["error"]
     assert (await flying.px4()).setpoints == 0
-    key_file(flying.out / "ours.key", (flying.out / "vehicle.key").read_bytes())
-    os.kill(_relay(flying), signal.SIGKILL)  # it reads the key when it starts
-    await flying.until(lambda one: not any("sign" in text for text in one["not_ready"]))
+    await _take_the_vehicles_key(flying)
 
 
 @pytest.mark.long
 async def test_fault_54_a_relay_killed_or_stopped_in_flight_ends_the_stream_and_we_latch(flying: Flying) -> None:
+    await _take_the_vehicles_key(flying)
     for number in (signal.SIGKILL, signal.SIGSTOP):
         await flying.fly()
         before = await flying.px4()
@@ -75,6 +74,13 @@ async def test_fault_54_a_relay_killed_or_stopped_in_flight_ends_the_stream_and_
         assert (await flying.status())["state"] == "latched"
     await flying.fly()
     assert (await flying.status())["state"] in IN_OFFBOARD
+
+
+async def _take_the_vehicles_key(flying: Flying) -> None:
+    key_file(flying.out / "ours.key", (flying.out / "vehicle.key").read_bytes())
+    if (relay := _relay(flying)) != 0:
+        os.kill(relay, signal.SIGKILL)  # it reads the key when it starts
+    await flying.until(lambda one: not any("sign" in text for text in one["not_ready"]))
 
 
 def _cpu_s(pid: int) -> float:

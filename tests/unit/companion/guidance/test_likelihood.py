@@ -50,6 +50,16 @@ def test_without_a_polar_angle_heights_are_alike() -> None:
     assert _at(BEARING, 0.4, 1.0)[0] < 0.01 * _at(BEARING, 0.4, 1.5)[0]
 
 
+@pytest.mark.parametrize("polar", [1.57, 0.6, 0.1, 0.001, math.pi - 0.05])
+def test_over_all_azimuths_a_bearing_without_a_polar_angle_is_as_likely_for_any_target(polar: float) -> None:
+    """So none that is right below is believed because it would explain every azimuth."""
+    around = np.linspace(-math.pi, math.pi, 2000, endpoint=False)
+    half_plane = replace(BEARING, polar_std_rad=math.inf)
+    total = np.mean([_at(replace(half_plane, azimuth_rad=float(a)), 0.3, polar) for a in around], axis=0)
+    anywhere = np.mean([_at(replace(half_plane, azimuth_rad=float(a)), 0.3) for a in around], axis=0)
+    np.testing.assert_allclose(total, anywhere, rtol=2e-3)
+
+
 def test_a_range_that_shows_counts_in_every_kind_of_room() -> None:
     ranged = replace(BEARING, range_m=4.0, range_std_m=0.3)
     for better, worse in ((4.0, 2.0), (4.0, 12.0)):

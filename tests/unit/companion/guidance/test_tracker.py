@@ -19,6 +19,7 @@ from companion.study.belief import check
 from companion.study.chi_square import middle_95
 from tests.unit.companion.guidance.stone_soup import SoupWorld, belief_of, nees, state_of
 from wsr.directions import Peak
+from wsr.geometry import direction
 
 Floats = npt.NDArray[np.float64]
 
@@ -179,6 +180,17 @@ def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:
         flat = bearing_to(target, np.array([0.0, float(y), 1.5]), y)
         found = tracker.add(replace(flat, polar_rad=math.pi / 2, polar_std_rad=math.inf) if y else flat)
     np.testing.assert_allclose(found.origin_local_enu_m[:2], target[:2], atol=1.2)
+
+
+@pytest.mark.parametrize("antenna_height_m", [None, 0.5])
+def test_azimuths_that_never_agree_put_no_target_below(antenna_height_m: float | None) -> None:
+    """Once they did: what is right below explains every azimuth, and the vehicle had arrived after ten seconds."""
+    tracker = TargetTracker(antenna_height_m=antenna_height_m)
+    for number in range(40):
+        place = np.array([0.25 * number, 0.0, 1.5])
+        away = place + 10.0 * direction(math.radians(137.508 * number), math.pi / 2)
+        tracker.add(replace(bearing_to(away, place, 0.5 * number), polar_std_rad=math.inf, power_dbm=-50.0), 0.0)
+        assert tracker.within(tuple(place), (0.0, 0.0, 0.0), 2.0) < 0.9, "enough to arrive"
 
 
 def test_a_rebooted_target_has_another_origin() -> None:
