@@ -114,11 +114,14 @@ def _told(name: str, module: str, session: Path, took_s: float) -> dict[str, Any
             "ORDER BY start_pos_row, start_pos_col, operator_name"
         ).fetchall()
     database.close()
-    tried = [(test, diff) for worker, test, diff in rows if worker != "SKIPPED"]
+    failed = sum(worker == "EXCEPTION" for worker, _, _ in rows)
+    tried = [(test, diff) for worker, test, diff in rows if worker not in ("SKIPPED", "EXCEPTION")]
     source = (_COPY / module).read_text()
     tried = [(test, diff) for test, diff in tried if test == "KILLED" or not is_same(source, diff)]
     survivors = [diff for test, diff in tried if test != "KILLED"]
     print(f"{name}: {module}: {len(tried)} mutants, {len(survivors)} survive, {took_s:.0f} s", flush=True)
+    if failed:
+        print(f"{name}: {failed} more could not be made: cosmic-ray does not know what stands there", flush=True)
     for diff in survivors:
         print("\n".join(line for line in diff.splitlines() if line[:1] in "+-@" and line[:3] not in ("+++", "---")))
     return {"module": module, "mutants": len(tried), "survivors": len(survivors), "took_s": round(took_s)}
