@@ -45,8 +45,13 @@ def elsewhere(bearing: Bearing, before: Floats) -> float:
     anywhere = 1.0 / (4.0 * math.pi)
     if not len(before):
         return anywhere
-    cosine = np.einsum("jx,x->j", before, direction(bearing.azimuth_rad, bearing.polar_rad))
-    again = np.mean(np.exp(_AGAIN_SHARPNESS * (cosine - 1.0))) * _AGAIN_SHARPNESS / math.tau
+    if math.isinf(bearing.polar_std_rad):
+        cosine = np.cos(np.arctan2(before[:, 1], before[:, 0]) - bearing.azimuth_rad)
+        most = 0.5 * math.sqrt(_AGAIN_SHARPNESS / math.tau)
+    else:
+        cosine = np.einsum("jx,x->j", before, direction(bearing.azimuth_rad, bearing.polar_rad))
+        most = _AGAIN_SHARPNESS / math.tau
+    again = most * np.mean(np.exp(_AGAIN_SHARPNESS * (cosine - 1.0)))
     return _AGAIN * float(again) + (1.0 - _AGAIN) * anywhere
 
 

@@ -50,6 +50,15 @@ def test_without_a_polar_angle_heights_are_alike() -> None:
     assert _at(BEARING, 0.4, 1.0)[0] < 0.01 * _at(BEARING, 0.4, 1.5)[0]
 
 
+def test_what_is_seen_again_is_a_density_without_a_polar_angle_too() -> None:
+    before = np.array([direction(0.3, 1.4), direction(2.0, 1.7)])
+    half_plane = replace(BEARING, polar_std_rad=math.inf)
+    around = np.linspace(-math.pi, math.pi, 1000, endpoint=False)
+    mean = np.mean([elsewhere(replace(half_plane, azimuth_rad=float(a)), before) for a in around])
+    assert mean == pytest.approx(ANYWHERE, rel=1e-2)
+    assert elsewhere(replace(half_plane, azimuth_rad=0.3), before) > 2 * ANYWHERE
+
+
 @pytest.mark.parametrize("polar", [1.57, 0.6, 0.1, 0.001, math.pi - 0.05])
 def test_over_all_azimuths_a_bearing_without_a_polar_angle_is_as_likely_for_any_target(polar: float) -> None:
     """So none that is right below is believed because it would explain every azimuth."""
