@@ -90,6 +90,8 @@ class Event(StrEnum):
     POSE_LOST = "pose_lost"
     """The tracker shows that it has failed, or has been silent for longer than it ever needs to come back."""
     BATTERY_LOW = "battery_low"
+    BATTERY_UNKNOWN = "battery_unknown"
+    """A battery that was known tells nothing any more."""
     OFFBOARD_REFUSED = "offboard_refused"
     TAKEOFF_FAILED = "takeoff_failed"
     PREFLIGHT_FAILED = "preflight_failed"

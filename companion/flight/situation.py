@@ -21,6 +21,8 @@ class Situations:
         self._took_off = False
         self._stood_still_ns = 0
         """What the vehicle had told of our clock when it was engaged."""
+        self._battery_known_ns = 0
+        """When all batteries told their charge last."""
         self._stream_ns: int | None = None
         """When the newest set point of the stream went out, or the stream began; in preflight the last tick, since what
         it looked at grows old; else None."""
@@ -64,5 +66,11 @@ class Situations:
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             slept_s=slept_s,
+            battery_unknown_s=self._battery_unknown_s(vehicle, now_ns),
             target_near=p_m is not None and knowledge.is_near(p_m),
         )
+
+    def _battery_unknown_s(self, vehicle: VehicleState, now_ns: int) -> float:
+        if vehicle.battery_remaining is not None and not vehicle.batteries_unknown:
+            self._battery_known_ns = now_ns
+        return (now_ns - self._battery_known_ns) / NS_PER_S

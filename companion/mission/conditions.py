@@ -19,6 +19,8 @@ SLEPT_S: Final = 0.2
 """A suspended host: no other age shows it. Suspending and waking takes longer than this."""
 STALLED_S: Final = 0.5
 """Half of PX4's COM_OF_LOSS_T: after a longer gap in the stream the autopilot may have acted by itself."""
+BATTERY_UNKNOWN_S: Final = 5.0
+"""A battery that has told nothing for so long; the edge takes a silent one for such after 5 s more."""
 
 _TAKE_OFF_MODES: Final = frozenset({FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD})
 _EXPECTED_MODES: Final = {
@@ -63,6 +65,8 @@ class Situation:
     """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
     slept_s: float = 0.0
     """The host was suspended so long since the last tick."""
+    battery_unknown_s: float = 0.0
+    """For how long any battery has told nothing, or there was none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +106,7 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
         (Event.MODE_LOST, mode_lost),
         (Event.POSE_LOST, engaged and (situation.pose_failed or situation.pose_age_s > limits.pose_lost_s)),
         (Event.BATTERY_LOW, engaged and battery_low),
+        (Event.BATTERY_UNKNOWN, in_flight and situation.battery_unknown_s > BATTERY_UNKNOWN_S),
         (Event.LANDED, in_flight and situation.took_off and not vehicle.in_air),
         (Event.TIMEOUT, situation.in_state_s > _time_limit_s(state, limits)),
         (Event.POSE_STALE, pose_stale),

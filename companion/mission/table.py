@@ -72,6 +72,7 @@ _COMMON: Final[dict[Event, Step]] = {
     _E.ABORT: (_S.LATCHED, _LEAVE),
     _E.POSE_LOST: (_S.LANDING, _DOWN),
     _E.BATTERY_LOW: (_S.LANDING, _DOWN),
+    _E.BATTERY_UNKNOWN: (_S.LANDING, _DOWN),
     _E.LANDED: (_S.LATCHED, _LEAVE),
     _E.TIMEOUT: (_S.LANDING, _DOWN),
 }
@@ -119,6 +120,7 @@ TABLE: Final[dict[tuple[State, Event], Step]] = {
     (_S.ARRIVED, _E.ABORT): (_S.LATCHED, ()),
     (_S.ARRIVED, _E.POSE_LOST): (_S.LANDING, (_A.LAND,)),
     (_S.ARRIVED, _E.BATTERY_LOW): (_S.LANDING, (_A.LAND,)),
+    (_S.ARRIVED, _E.BATTERY_UNKNOWN): (_S.LANDING, (_A.LAND,)),
     (_S.ARRIVED, _E.TIMEOUT): (_S.LANDING, (_A.LAND,)),
     (_S.ARRIVED, _E.LANDED): (_S.IDLE, (_A.LEAVE_ON_THE_GROUND,)),
     (_S.LANDING, _E.TASK_FAILED): (_S.FAULT, ()),

@@ -20,6 +20,7 @@ _WHY: Final = {
     "abort": "a person aborted it",
     "pose_lost": "the poses were lost",
     "battery_low": "the battery was low",
+    "battery_unknown": "a battery told nothing any more",
     "offboard_refused": "the autopilot refused OFFBOARD",
     "takeoff_failed": "the take-off failed",
     "preflight_failed": "the look before the flight found something",

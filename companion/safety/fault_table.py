@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from companion.autopilot.batteries import FRESH_S
 from companion.core.inputs import Event
-from companion.mission.conditions import HEARTBEAT_LOST_S, MODE_LOST_S, SLEPT_S, STALLED_S
+from companion.mission.conditions import BATTERY_UNKNOWN_S, HEARTBEAT_LOST_S, MODE_LOST_S, SLEPT_S, STALLED_S
 from companion.pose.health import HealthLimits
 
 _TICK_S: Final = 0.05
@@ -55,6 +56,11 @@ FAULTS: Final[dict[Event, Fault]] = {
         "it has landed; then " + _PERSON,
     ),
     Event.BATTERY_LOW: Fault("1 s", "BATTERY_STATUS below mission.min_battery", "it has landed; then " + _PERSON),
+    Event.BATTERY_UNKNOWN: Fault(
+        f"{FRESH_S + BATTERY_UNKNOWN_S:g} s of silence, {BATTERY_UNKNOWN_S:g} s of an unknown charge",
+        "a BATTERY_STATUS that stays away, or tells no charge",
+        "it has landed; then " + _PERSON,
+    ),
     Event.OFFBOARD_REFUSED: Fault(f"{_CONFIRM_S:g} s", "HEARTBEAT or CURRENT_MODE does not show OFFBOARD", _PERSON),
     Event.TAKEOFF_FAILED: Fault(
         f"{_CONFIRM_S:g} s, or the time of the climb", "telemetry does not show the climb", _PERSON

@@ -19,10 +19,11 @@ from companion.flight.records import MissionStep
 from companion.mission import table
 from companion.mission.table import State
 from companion.safety.gate import Gate, Verdict
+from tests.faults.figures import record
 from tests.faults.missions import promises
 from tests.faults.missions.fly import fly
 from tests.faults.missions.scenario import CHECKS_FROM, Fault, Scenario, draw
-from tests.faults.missions.trace import Asked, Sent, Trace
+from tests.faults.missions.trace import Asked, Faulted, Sent, Trace
 from tests.paths import ROOT
 
 # A command that is given up before it began was never awaited; the service says so in no other way.
@@ -171,6 +172,16 @@ def test_red_an_end_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (Event.LINK_LOST, Fault(at_s=6.0, kind="mute", word="heartbeats", for_s=4.0, size=0.0), "fresh"),
         (Event.BATTERY_LOW, Fault(at_s=6.0, kind="battery", word="low", for_s=6.0, size=0.0), "faults_end_the_stream"),
+        (
+            Event.BATTERY_UNKNOWN,
+            Fault(at_s=6.0, kind="battery", word="silent", for_s=20.0, size=0.0),
+            "faults_end_the_stream",
+        ),
+        (
+            Event.BATTERY_UNKNOWN,
+            Fault(at_s=6.0, kind="battery", word="second unknown", for_s=20.0, size=0.0),
+            "faults_end_the_stream",
+        ),
         (Event.POSE_LOST, Fault(at_s=4.0, kind="poses", word="silent", for_s=12.0, size=0.0), "faults_end_the_stream"),
     ],
 )
@@ -187,6 +198,21 @@ def test_red_an_end_that_leaves_nobody_in_hold(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("companion.flight.commands.FlightCommands.leave_at_end", nothing)
     assert "restart_is_idle" in broken_by(flight_with(Fault(at_s=6.0, kind="stop", word="", for_s=0.0, size=0.5)))
+
+
+@pytest.mark.parametrize("word", ["silent", "unknown", "second unknown"])
+def test_fault_32_a_battery_that_tells_nothing_any_more_lands_the_vehicle(word: str) -> None:
+    trace = fly(flight_with(Fault(at_s=6.0, kind="battery", word=word, for_s=30.0, size=0.0)))
+    (begun_ns,) = (
+        one.t_ns for one in trace.entries if isinstance(one, Faulted) and one.begins and one.fault.kind == "battery"
+    )
+    landing_ns, *_ = (
+        one.t_mono_ns for one in trace.entries
+        if isinstance(one, MissionStep) and one.event is Event.BATTERY_UNKNOWN and one.next_state is State.LANDING
+    )  # fmt: skip
+    after_s = (landing_ns - begun_ns) / NS_PER_S
+    record(32, battery=word, landing_after_s=round(after_s, 1))
+    assert 4.9 < after_s < 12.1
 
 
 def test_red_an_abort_that_keeps_streaming_is_not_left_in_hold(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import math
 
 from companion.core.clock import NS_PER_S, age_s
 from companion.core.messages import FlightMode, Vector3
+from companion.mission.conditions import BATTERY_UNKNOWN_S
 from companion.mission.table import State
 from companion.sim.px4.commander import Mode
 from tests.faults.missions.promises.rule import SLACK_S, STREAMING, Found, is_engaged
@@ -94,16 +95,22 @@ def fresh(trace: Trace) -> Found:
 
 
 def faults_end_the_stream(trace: Trace) -> Found:
-    """8. No set point goes out at a tick whose battery is told to be low, or whose poses have been lost too long."""
+    """8. No set point goes out at a tick whose battery is told to be low, or has told nothing for too long, or whose
+    poses have been lost too long."""
     config = trace.scenario.config
     at: Ticked | None = None
+    known_ns = 0
     for entry in trace.entries:
         if isinstance(entry, Ticked):
             at = entry
+            if at.told.battery_remaining is not None and not at.told.batteries_unknown:
+                known_ns = at.t_ns
         elif isinstance(entry, Sent) and at is not None:
             battery = at.told.battery_remaining
             if battery is not None and battery < config.mission.min_battery:
                 yield entry.t_ns, f"a set point with the battery at {battery:.2f}"
+            if (unknown_s := age_s(known_ns, entry.t_ns)) > BATTERY_UNKNOWN_S + SLACK_S:
+                yield entry.t_ns, f"a set point with a battery that has told nothing for {unknown_s:.1f} s"
             if at.pose_silent_s > config.pose_lost_s + SLACK_S:
                 yield entry.t_ns, f"a set point with poses silent for {at.pose_silent_s:.1f} s"
 

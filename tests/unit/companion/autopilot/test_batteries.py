@@ -18,7 +18,19 @@ def test_the_lowest_of_all_that_are_fresh_counts() -> None:
     batteries.take(2, 0.0, _NOW_NS + 2)
     assert batteries.now(_NOW_NS + 3) == Charge(0.0, _NOW_NS + 2, ())
     batteries.take(2, None, _NOW_NS + 4)
-    assert batteries.now(_NOW_NS + 5) == Charge(0.05, _NOW_NS + 1, (2,))
+    assert batteries.now(_NOW_NS + 5) == Charge(0.0, _NOW_NS + 4, (2,)), "what it told last still counts"
+
+
+@pytest.mark.parametrize("charge", [None, 0.9])
+def test_one_that_falls_silent_does_not_raise_the_figure(charge: float | None) -> None:
+    batteries = Batteries()
+    batteries.take(0, 0.95, _NOW_NS)
+    batteries.take(1, 0.22, _NOW_NS)
+    later_ns = _NOW_NS + 9 * NS_PER_S
+    batteries.take(0, 0.95, later_ns)
+    assert batteries.now(later_ns) == Charge(0.22, _NOW_NS, (1,))
+    batteries.take(1, charge, later_ns)
+    assert batteries.now(later_ns) == Charge(charge or 0.22, later_ns, () if charge else (1,))
 
 
 @pytest.mark.parametrize("times", [1, 100])

@@ -148,7 +148,7 @@ def test_batteries_by_their_ids_and_ages() -> None:
     assert vehicle.state().battery_remaining == 0.05 and vehicle.state().batteries_unknown == ()
     vehicle.px4.order("battery 0 unknown")
     vehicle.run(2.5)
-    assert vehicle.state().battery_remaining == 0.95 and vehicle.state().batteries_unknown == (0,)
+    assert vehicle.state().battery_remaining == 0.05 and vehicle.state().batteries_unknown == (0,)
     vehicle.px4.order("battery 0 silent")
     vehicle.px4.order("battery 1 silent")
     told_ns = vehicle.state().battery_mono_ns

@@ -57,6 +57,7 @@ def test_a_quiet_flight_raises_nothing(state: State) -> None:
         (Event.POSE_LOST, replace(QUIET, pose_failed=True)),
         (Event.POSE_STALE, replace(QUIET, pose_age_s=0.21)),
         (Event.BATTERY_LOW, replace(QUIET, vehicle=replace(FLYING, battery_remaining=0.19))),
+        (Event.BATTERY_UNKNOWN, replace(QUIET, battery_unknown_s=6.0)),
         (Event.LANDED, replace(QUIET, vehicle=replace(FLYING, in_air=False))),
         (Event.TIMEOUT, replace(QUIET, in_state_s=901)),
         (Event.BEARING_STALE, replace(QUIET, target_age_s=2.1)),
@@ -123,6 +124,8 @@ def test_the_ground_is_where_to_notice_it(event: Event) -> None:
     [
         (Event.LINK_LOST, State.APPROACHING, {"mode_mono_ns": NOW_NS - 1_500_000_000}, {"mode_mono_ns": 0}),
         (Event.LINK_LOST, State.APPROACHING, {"heartbeat_mono_ns": NOW_NS - 1_500_000_000}, {"heartbeat_mono_ns": 0}),
+        (Event.BATTERY_UNKNOWN, State.APPROACHING, {"battery_unknown_s": 5.0}, {"battery_unknown_s": 5.1}),
+        (Event.BATTERY_UNKNOWN, State.ARRIVED, {"battery_unknown_s": 5.0}, {"battery_unknown_s": 600.0}),
         (Event.BATTERY_LOW, State.APPROACHING, {"battery_remaining": 0.2}, {"battery_remaining": 0.0}),
         (Event.STALLED, State.APPROACHING, {"stream_gap_s": 0.5}, {"stream_gap_s": 600.0}),
         (Event.STALLED, State.APPROACHING, {"stood_still_s": 0.5}, {"stood_still_s": 600.0}),

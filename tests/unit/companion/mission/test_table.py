@@ -21,22 +21,23 @@ _EXPECTED = {
     "pose_lost>idle; battery_low>idle; preflight_failed>idle; timeout>idle; preflight_passed>taking_off t",
     State.TAKING_OFF: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
-    "pose_lost>landing xl; battery_low>landing xl; offboard_refused>latched xh; takeoff_failed>latched xh; "
+    "pose_lost>landing xl; battery_low>landing xl; battery_unknown>landing xl; offboard_refused>latched xh; "
+    "takeoff_failed>latched xh; "
     "timeout>latched xh; airborne>taking_off so; offboard_confirmed>acquiring",
     State.ACQUIRING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
-    "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
+    "pose_lost>landing xl; battery_low>landing xl; battery_unknown>landing xl; landed>latched xh; timeout>landing xl; "
     "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding; bearing>approaching; "
     "bearing_back>approaching; retarget>acquiring",
     State.APPROACHING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
-    "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xl; "
+    "pose_lost>landing xl; battery_low>landing xl; battery_unknown>landing xl; landed>latched xh; timeout>landing xl; "
     "target_reached>arrived xa; pose_stale>holding; bearing_stale>holding; retarget>acquiring",
     State.ARRIVED: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; pose_lost>landing l; "
-    "battery_low>landing l; landed>idle g; timeout>landing l; stalled>latched",
+    "battery_low>landing l; battery_unknown>landing l; landed>idle g; timeout>landing l; stalled>latched",
     State.HOLDING: "task_failed>fault xh; mode_lost>latched x; stalled>latched x; link_lost>latched x; "
     "abort>latched xh; "
-    "pose_lost>landing xl; battery_low>landing xl; landed>latched xh; timeout>landing xw; "
+    "pose_lost>landing xl; battery_low>landing xl; battery_unknown>landing xl; landed>latched xh; timeout>landing xw; "
     "target_reached>arrived xa; bearing>approaching; bearing_back>approaching; retarget>acquiring",
     State.LANDING: "task_failed>fault; mode_lost>latched; link_lost>latched; abort>latched; timeout>landing l; "
     "landed>idle g; stalled>latched",
