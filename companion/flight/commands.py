@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 from companion.autopilot.port import Autopilot, AutopilotError, GaveWayError
@@ -75,8 +75,18 @@ class FlightCommands:
     async def land(self) -> None:
         await self._autopilot.land()
 
-    async def return_home(self) -> None:
-        await self._or_land(self._autopilot.return_home())
+    async def return_home(self, look: Callable[[], Awaitable[list[str]]]) -> None:
+        """`look` says what is wrong with the way home now; with anything, or without an answer, it lands."""
+        try:
+            async with asyncio.timeout(_LEAVE_S):
+                problems = await look()
+        except TimeoutError:
+            problems = ["the parameters of a return were not read"]
+        if problems:
+            _log.error("%s; landing instead of returning", "; ".join(problems))
+            await self._autopilot.land()
+        else:
+            await self._or_land(self._autopilot.return_home())
 
     async def leave_on_the_ground(self) -> None:
         """After our landing: PX4 goes back to OFFBOARD when it disarms, if hold could not be had on the way down. There

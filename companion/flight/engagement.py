@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from companion.autopilot.port import Autopilot, AutopilotError
@@ -23,12 +23,14 @@ from companion.neighbours.neighbour import Neighbour
 from companion.pose.intake import PoseIntake
 from companion.safety.preflight import (
     EXPECTED,
+    RETURN,
     Heights,
     Readiness,
     ReadinessLimits,
     parameter_problems,
     readiness_problems,
     required_parameters,
+    return_problems,
     target_problems,
 )
 from companion.sensing.iterations import SarIterations
@@ -105,10 +107,19 @@ class Engagement:
         if self._autopilot.problem:
             return ["the autopilot's parameters were not read"]
         names = [requirement.name for requirement in required_parameters(self._gps, self._vehicle)]
-        values = dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
+        values = await self._read_all(names)
         problems = list(parameter_problems(values, self._gps, self._heights, self._vehicle))
         self._checked_ns = None if problems else self._clock.now_ns()
         return problems
+
+    async def return_problems(self) -> list[str]:
+        """Reads what a return climbs by anew; one line for each that is wrong. A rover does not climb."""
+        if self._vehicle != "copter":
+            return []
+        return list(return_problems(await self._read_all(RETURN), self._heights))
+
+    async def _read_all(self, names: Sequence[str]) -> dict[str, float | str]:
+        return dict(zip(names, await asyncio.gather(*map(self._read, names)), strict=True))
 
     async def _read(self, name: str) -> float | str:
         try:

@@ -15,7 +15,7 @@ from companion.core.inputs import CommandOutcome, Event, Surroundings, Tick
 from companion.core.messages import FlightMode, Setpoint, Vector3, VehicleState
 from companion.core.recorder import Recorder
 from companion.core.streams import COMMAND, END, SETPOINT, TICK
-from companion.flight.commands import FlightCommands, MakeCommands
+from companion.flight.commands import Command, FlightCommands, MakeCommands
 from companion.flight.course import Course
 from companion.flight.engagement import Engagement
 from companion.flight.knowledge import Knowledge
@@ -228,10 +228,13 @@ class Flight:
             case Action.LEAVE_ON_THE_GROUND:
                 commands.start(commands.leave_on_the_ground())
             case Action.LEAVE_AT_TARGET:
-                leave = {"hold": commands.hold, "land": commands.land, "return": commands.return_home}
+                leave = {"hold": commands.hold, "land": commands.land, "return": self._return_home}
                 commands.start(leave[config.leave]())
             case Action.LEAVE_WITHOUT_TARGET:
-                commands.start(commands.return_home() if config.lost_target == "return" else commands.land())
+                commands.start(self._return_home() if config.lost_target == "return" else commands.land())
+
+    def _return_home(self) -> Command:
+        return self._commands.return_home(self._engagement.return_problems)
 
     def _send_setpoint(self, vehicle: VehicleState, now_ns: int) -> None:
         moving = self.state in (State.ACQUIRING, State.APPROACHING)

@@ -6,7 +6,7 @@ Each entry says what is wrong, what is wanted and why, so that a person can act 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -109,6 +109,8 @@ REQUIREMENTS: Final = (
 )  # fmt: skip
 """docs/vehicle.md has this table, generated."""
 
+RETURN: Final = ("RTL_RETURN_ALT", "GF_MAX_VER_DIST")
+"""What says how high a return climbs."""
 
 EXPECTED: Final = {"copter": "px4", "rover": "px4 on a ground rover"}
 """What the vehicle must say it is, by `mission.vehicle`."""
@@ -132,7 +134,18 @@ def parameter_problems(
     values: Mapping[str, float | str], gps: bool, heights: Heights = Heights(), vehicle: str = "copter"
 ) -> Iterator[str]:
     """One line for each wrong one of `values`, which has a number for each required name, or why it was not read."""
-    for requirement in required_parameters(gps, vehicle):
+    yield from _problems(required_parameters(gps, vehicle), values, heights)
+
+
+def return_problems(values: Mapping[str, float | str], heights: Heights) -> Iterator[str]:
+    """The same of those that a way home climbs by, `RETURN`: somebody may have set them since the preflight."""
+    yield from _problems((one for one in REQUIREMENTS if one.name in RETURN), values, heights)
+
+
+def _problems(
+    requirements: Iterable[Requirement], values: Mapping[str, float | str], heights: Heights
+) -> Iterator[str]:
+    for requirement in requirements:
         value = values[requirement.name]
         if isinstance(value, str):
             yield f"{value}; wanted {requirement.wanted}: {requirement.why}"

@@ -19,6 +19,7 @@ from companion.flight.records import MissionStep
 from companion.mission import table
 from companion.mission.table import State
 from companion.safety.gate import Gate, Verdict
+from companion.sim.px4.commander import Mode
 from tests.faults.figures import record
 from tests.faults.missions import promises
 from tests.faults.missions.fly import fly
@@ -198,6 +199,15 @@ def test_red_an_end_that_leaves_nobody_in_hold(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("companion.flight.commands.FlightCommands.leave_at_end", nothing)
     assert "restart_is_idle" in broken_by(flight_with(Fault(at_s=6.0, kind="stop", word="", for_s=0.0, size=0.5)))
+
+
+@pytest.mark.parametrize("word", ["", "high", "silent"])
+def test_fault_33_a_way_home_that_somebody_raised_in_flight_is_not_flown(word: str) -> None:
+    changed = Fault(at_s=6.0, kind="parameters", word=word, for_s=60.0, size=0.0)
+    lost = Fault(at_s=8.0, kind="packets", word="", for_s=60.0, size=0.0)
+    trace = fly(flight_with(changed, lost, lost_target="return", hold_limit_s=2.0, limit_s=60.0))
+    asked = {one.wanted for one in trace.entries if isinstance(one, Asked) and one.what == "mode"}
+    assert (Mode.LAND in asked, Mode.RTL in asked) == ((True, False) if word else (False, True))
 
 
 @pytest.mark.parametrize("word", ["silent", "unknown", "second unknown"])

@@ -338,6 +338,7 @@ class World:
         vehicle.is_deaf = self.lasts("deaf")
         vehicle.parameters_silent = self.word("parameters") == "silent"
         vehicle.commander.parameters["COM_OF_LOSS_T"] = 10.0 if self.word("parameters") == "wrong" else 1.0
+        vehicle.commander.parameters["RTL_RETURN_ALT"] = 30.0 if self.word("parameters") == "high" else 2.0
         vehicle.let_fail(tuple(fault.word for _, fault in self._lasting if fault.kind == "checks"))
         vehicle.commander.estimator.broken = self.lasts("estimator")
         wind = next((fault for _, fault in self._lasting if fault.kind == "wind"), None)

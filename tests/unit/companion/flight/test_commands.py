@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
 
 import pytest
@@ -43,6 +44,9 @@ class _Autopilot:
     async def land(self) -> None:
         self.commanded.append("land")
 
+    async def return_home(self) -> None:
+        self.commanded.append("return")
+
 
 async def _left(state: VehicleState, refuses: bool = False) -> list[str]:
     autopilot = _Autopilot(state, refuses)
@@ -65,6 +69,23 @@ async def test_where_hold_is_refused_it_lands() -> None:
 async def test_a_mode_that_somebody_took_since_the_last_tick_stays_theirs(mode: FlightMode) -> None:
     """The loop may have stood still for long before it failed: a pilot who took over then is obeyed."""
     assert await _left(replace(_PLACED, mode=mode)) == []
+
+
+async def test_it_returns_only_by_a_way_home_that_is_still_right() -> None:
+    async def is_right() -> list[str]:
+        return []
+
+    async def is_high() -> list[str]:
+        return ["parameter RTL_RETURN_ALT is 30"]
+
+    async def is_silent() -> list[str]:
+        await asyncio.sleep(60.0)
+        return []
+
+    for look, commanded in ((is_right, "return"), (is_high, "land"), (is_silent, "land")):
+        autopilot = _Autopilot(_PLACED)
+        await FlightCommands(autopilot, ManualClock(), lambda *_: None).return_home(look)  # type: ignore[arg-type]
+        assert autopilot.commanded == [commanded]
 
 
 class _Landing(_Autopilot):

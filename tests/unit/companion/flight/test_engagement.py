@@ -181,6 +181,16 @@ async def test_parameters_are_read_all_at_once_and_stand_for_half_a_minute() -> 
     assert not ground.engagement._look_around().parameters_checked
 
 
+async def test_what_a_return_climbs_by_is_read_anew() -> None:
+    ground = _Ground()
+    assert await ground.engagement.return_problems() == []
+    ground.autopilot.parameters["RTL_RETURN_ALT"] = 30.0
+    (high,) = await ground.engagement.return_problems()
+    assert high.startswith("parameter RTL_RETURN_ALT is 30; wanted below gate.fence_max_m")
+    del ground.autopilot.parameters["GF_MAX_VER_DIST"]
+    assert len(await ground.engagement.return_problems()) == 2
+
+
 async def test_a_parameter_that_is_wrong_or_was_not_read_is_named_and_nothing_is_remembered() -> None:
     ground = _Ground()
     assert await ground.engagement.parameter_problems() == []
