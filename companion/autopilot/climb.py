@@ -48,7 +48,7 @@ class Climb:
     def __init__(self, ground_m: float, height_m: float, radius_m: float) -> None:
         self._ends_m = ground_m + height_m - radius_m - _MARGIN_M
         self._least_m = ground_m + _SHARE * height_m
-        self._rests_m = -math.inf
+        self._rests_m = math.inf
         self._rests_since_ns = 0
         self._holds = False
 

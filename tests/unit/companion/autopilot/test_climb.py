@@ -54,12 +54,14 @@ def test_px4_that_brakes_into_its_hold_is_no_rest_below() -> None:
     assert climb.hovers(_state(FlightMode.HOLD, 1.44, 0.0, 4.6))
 
 
-def test_it_stays_below_after_three_seconds_and_no_earlier() -> None:
+@pytest.mark.parametrize("asked_again_s", [13.0, 13.05, 20.0])
+def test_it_stays_below_after_three_seconds_and_no_earlier(asked_again_s: float) -> None:
+    """Also when telemetry pauses and nobody asks at that very moment."""
     climb = Climb(0.0, 1.5, 0.8)
     assert not climb.hovers(_state(FlightMode.HOLD, 0.9, 0.0, 10.0))
     assert not climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, 12.999_999_999))
     with pytest.raises(GaveWayError):
-        climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, 13.0))
+        climb.hovers(_state(FlightMode.HOLD, 1.04, 0.0, asked_again_s))
 
 
 def test_a_rest_that_began_below_is_a_hover_after_three_seconds_too() -> None:
@@ -139,14 +141,24 @@ def test_as_long_as_px4_takes_off_it_is_px4s_own() -> None:
         assert not climb.hovers(_state(FlightMode.TAKEOFF, 0.1, 0.0, t_s))
 
 
-def test_a_height_is_read_after_a_second_and_a_half_and_no_earlier() -> None:
-    read = HeightRead(_state(FlightMode.HOLD, 0.0, 0.0, 10.0, in_air=False))
-    assert not read.is_over(_state(FlightMode.HOLD, 0.0, 0.0, 11.499_999_999, in_air=False))
-    assert read.is_over(_state(FlightMode.HOLD, 0.0, 0.0, 11.5, in_air=False))
+@pytest.mark.parametrize("set_s", [0.0, 0.4, 10.0])
+def test_a_height_is_read_after_a_second_and_a_half_and_no_earlier(set_s: float) -> None:
+    """And stays read; however young our own clock is."""
+    read = HeightRead(_state(FlightMode.HOLD, 0.0, 0.0, set_s, in_air=False))
+    for later_s, is_over in ((0.0, False), (1.499_999_999, False), (1.5, True), (1.55, True), (600.0, True)):
+        assert read.is_over(_state(FlightMode.HOLD, 0.0, 0.0, set_s + later_s, in_air=False)) is is_over, later_s
 
 
-def test_who_chooses_a_mode_or_disarms_while_the_height_is_read_is_given_way_to() -> None:
+@pytest.mark.parametrize("mode", sorted(set(FlightMode) - {FlightMode.HOLD}))
+def test_who_chooses_a_mode_while_the_height_is_read_is_given_way_to(mode: FlightMode) -> None:
     before = _state(FlightMode.HOLD, 0.0, 0.0, 10.0, in_air=False)
-    for now in (replace(before, mode=FlightMode.MANUAL), replace(before, armed=not before.armed)):
+    for armed in (False, True):
         with pytest.raises(GaveWayError, match="meanwhile; somebody else decided"):
-            HeightRead(before).is_over(now)
+            HeightRead(before).is_over(replace(before, mode=mode, armed=armed))
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_who_arms_or_disarms_while_the_height_is_read_is_given_way_to(armed: bool) -> None:
+    before = replace(_state(FlightMode.HOLD, 0.0, 0.0, 10.0, in_air=False), armed=armed)
+    with pytest.raises(GaveWayError, match=f"armed {not armed} meanwhile; somebody else decided"):
+        HeightRead(before).is_over(replace(before, armed=not armed))
