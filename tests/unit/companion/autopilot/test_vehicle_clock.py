@@ -14,6 +14,8 @@ from companion.core.messages import FlightMode
 from tests.unit.companion.autopilot.telemetry_bench import HEARTBEAT, POSITION, TelemetryBench
 
 _NOW_NS, _OWN_NS, _MS = 6844 * NS_PER_S, 57 * NS_PER_S, 1_000_000
+_WRAP_MS = 1 << 32
+"""49.7 days: after so long `time_boot_ms` begins again."""
 
 
 def test_the_offset_is_that_of_the_least_delayed_message() -> None:
@@ -101,6 +103,85 @@ def test_a_later_message_counts_unless_it_was_delayed_by_more_than_the_clocks_ma
             clock.told(_OWN_NS, first_ns)
         clock.told(_OWN_NS + NS_PER_S - delay_ns, first_ns + NS_PER_S)
         assert clock.offset_ns == _OWN_NS - first_ns - (delay_ns if counts else 0)
+
+
+@pytest.mark.parametrize("own_s", [-5, 0, 57])
+def test_the_first_message_is_no_restart_whatever_time_it_tells(own_s: int) -> None:
+    assert VehicleClock().told(own_s * NS_PER_S, _NOW_NS) is None
+
+
+def _restarted(at_ns: list[int]) -> VehicleClock:
+    """A clock that stepped back at each of these times of ours."""
+    clock = VehicleClock()
+    for one_ns in at_ns:
+        clock.told(_OWN_NS, one_ns)
+        assert clock.told(0, one_ns) is Turn.RESTARTED
+    return clock
+
+
+@pytest.mark.parametrize("begin_ns", [1, _NOW_NS])
+@pytest.mark.parametrize(
+    ("after_s", "are_two"),
+    [
+        ((0, 1, 2, 3, 4.999_999_999), True),
+        ((0, 1, 2, 3, 5), False),
+        ((0, 1, 2, 3, 8), False),
+        ((0, 2, 2.1, 2.2, 5), False),
+        ((0, 1, 2, 3), False),
+        ((0, 10, 11, 12, 13, 14), True),  # that of long ago is one vehicle's own
+    ],
+)
+def test_five_restarts_within_five_seconds_are_two_vehicles(
+    begin_ns: int, after_s: tuple[float, ...], are_two: bool
+) -> None:
+    at_ns = [begin_ns + round(one_s * NS_PER_S) for one_s in after_s]
+    assert _restarted(at_ns).is_of_two(at_ns[-1]) is are_two
+
+
+@pytest.mark.parametrize("begin_ns", [100 * _MS, _NOW_NS])
+def test_two_vehicles_are_told_for_five_seconds_after_the_last_restart(begin_ns: int) -> None:
+    clock, last_ns = _restarted([begin_ns + n * 100 * _MS for n in range(5)]), begin_ns + 400 * _MS
+    for later_ns, are_two in ((1, True), (5 * NS_PER_S - 1, True), (5 * NS_PER_S, False), (9 * NS_PER_S, False)):
+        assert clock.is_of_two(last_ns + later_ns) is are_two
+
+
+@pytest.mark.parametrize("rounds", [0.5, 1.0, 1.5, 1.75, 2.0])
+def test_a_count_of_32_bits_goes_on_however_its_messages_are_delayed(rounds: float) -> None:
+    """From a second before it has gone round so often, for two; what the vehicle's clock is was heard before."""
+    clock, begin_ms = VehicleClock(), round(rounds * _WRAP_MS) - 1000
+    clock.told(begin_ms * _MS, _NOW_NS + 30 * _MS)
+    for step in range(1, 100):
+        own_ms, delay_ms = begin_ms + 20 * step, (45, 1, 12)[step % 3]
+        now_ns = _NOW_NS + (20 * step + delay_ms) * _MS
+        assert clock.unwrapped(own_ms % _WRAP_MS, now_ns) == own_ms
+        assert clock.told(own_ms * _MS, now_ns) is None
+
+
+def test_a_count_that_began_again_is_the_same_boots_within_a_minute_of_where_it_should_be() -> None:
+    """It should be at 100 s. A vehicle that has truly restarted is that near to it by chance alone."""
+    clock = VehicleClock()
+    clock.told((_WRAP_MS + 100_000) * _MS, _NOW_NS)
+    for boot_ms in (40_001, 100_000, 159_999):
+        assert clock.unwrapped(boot_ms, _NOW_NS) == _WRAP_MS + boot_ms
+    for boot_ms in (40_000, 160_000, 5_000_000, _WRAP_MS // 2):
+        assert clock.unwrapped(boot_ms, _NOW_NS) == boot_ms, "it has restarted"
+
+
+@pytest.mark.parametrize("on_ms", [1 << 30, 1 << 31, 3 << 30])
+def test_a_restart_after_a_part_of_the_49_days_is_one(on_ms: int) -> None:
+    """After 12, 25 and 37 days the count has not begun again by itself."""
+    clock = VehicleClock()
+    clock.told(on_ms * _MS, _NOW_NS)
+    later_ns = _NOW_NS + 5 * NS_PER_S
+    assert clock.unwrapped(4_000, later_ns) == 4_000
+    assert clock.told(4_000 * _MS, later_ns) is Turn.RESTARTED
+
+
+def test_beside_a_vehicle_just_started_another_ones_count_near_its_end_is_as_told() -> None:
+    """Two of one system id: no clock is before its own beginning."""
+    clock = VehicleClock()
+    clock.told(NS_PER_S, _NOW_NS)
+    assert clock.unwrapped(_WRAP_MS - 1000, _NOW_NS) == _WRAP_MS - 1000
 
 
 @pytest.fixture
