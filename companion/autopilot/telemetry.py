@@ -309,7 +309,7 @@ class Telemetry:
         value = fields["param_value"]
         if fields["param_type"] != _PARAMETER_REAL32 and value is not None:
             # PX4 puts an integer's four bytes where the float would be.
-            value = struct.unpack("<i", struct.pack("<f", value))[0]
+            (value,) = struct.unpack("<i", struct.pack("<f", value))
         self.parameters[str(fields["param_id"]).rstrip("\0")] = value
         return {}
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import pytest
 
-from companion.autopilot import px4_modes
-from companion.autopilot.px4_modes import flight_mode
 from companion.autopilot.telemetry import Telemetry, is_healthy, parameter_field
 from companion.core.messages import FlightMode, Pose
 from tests.unit.companion.autopilot.telemetry_bench import HEARTBEAT, POSITION, TelemetryBench
@@ -53,7 +51,8 @@ def test_failsafe_landed_state_and_battery(bench: TelemetryBench) -> None:
 
 
 def test_other_components_of_the_vehicle_are_not_the_autopilot(bench: TelemetryBench) -> None:
-    bench.take("HEARTBEAT", HEARTBEAT, component_id=100)
+    for component in (0, 2, 100, 300):
+        bench.take("HEARTBEAT", HEARTBEAT, component)
     assert bench.telemetry.state().heartbeat_mono_ns is None
 
 
@@ -111,13 +110,13 @@ def test_what_px4_says_of_its_estimator(flags: int, at_rest: bool, in_air: bool)
 
 
 def test_modes_intended_and_flown(bench: TelemetryBench) -> None:
-    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24, "intended_custom_mode": 6 << 16})
-    assert (bench.telemetry.state().mode, bench.telemetry.state().intended_mode) == (
-        FlightMode.HOLD,
-        FlightMode.OFFBOARD,
-    )
-    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24, "intended_custom_mode": 0})
-    assert bench.telemetry.state().intended_mode is None
+    hold, offboard = {"custom_mode": 4 << 16 | 3 << 24}, {"intended_custom_mode": 6 << 16}
+    none_intended: list[dict[str, int]] = [{"intended_custom_mode": 0}, {}]  # an older one does not tell it
+    for none in none_intended:
+        for fields, intended in ((offboard, FlightMode.OFFBOARD), (none, None)):
+            bench.take("CURRENT_MODE", hold | fields)
+            state = bench.telemetry.state()
+            assert (state.mode, state.intended_mode) == (FlightMode.HOLD, intended)
 
 
 def test_what_the_vehicle_is(bench: TelemetryBench) -> None:
@@ -143,7 +142,7 @@ def test_what_else_px4_flies_is_named(bench: TelemetryBench, kind: int, said: st
 
 def test_whether_it_is_in_the_air_is_unknown_until_it_is_told(bench: TelemetryBench) -> None:
     assert bench.telemetry.state().landed_unknown
-    for landed_state, unknown in [(1, False), (0, True), (2, False), (5, True), (4, False)]:
+    for landed_state, unknown in [(1, False), (0, True), (2, False), (5, True), (3, False), (6, True), (4, False)]:
         bench.take("EXTENDED_SYS_STATE", {"landed_state": landed_state})
         assert bench.telemetry.state().landed_unknown is unknown
 
@@ -171,11 +170,14 @@ def test_fault_62_a_heading_grows_old_beside_positions_that_go_on(bench: Telemet
 
 
 @pytest.mark.parametrize(
-    ("percent", "remaining"), [(0, 0.0), (100, 1.0), (101, None), (127, None), (-1, None), (-2, None)]
+    ("percent", "remaining"), [(0, 0.0), (1, 0.01), (100, 1.0), (101, None), (127, None), (-1, None), (-2, None)]
 )
-def test_more_than_full_is_not_known(bench: TelemetryBench, percent: int, remaining: float | None) -> None:
-    bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": percent})
+def test_an_empty_battery_is_known_to_be_empty_and_more_than_full_is_not_known(
+    bench: TelemetryBench, percent: int, remaining: float | None
+) -> None:
+    bench.take("BATTERY_STATUS", {"id": 3, "battery_remaining": percent})
     assert bench.telemetry.state().battery_remaining == remaining
+    assert bench.telemetry.state().batteries_unknown == (() if remaining is not None else (3,))
 
 
 def test_what_it_says_is_kept_in_order_as_long_as_there_is_room(bench: TelemetryBench) -> None:
@@ -270,22 +272,10 @@ def test_armed_is_one_bit(bench: TelemetryBench, base_mode: int, armed: bool) ->
     assert bench.telemetry.state().armed is armed
 
 
-@pytest.mark.parametrize(("percent", "remaining"), [(0, 0.0), (1, 0.01), (100, 1.0), (-1, None)])
-def test_an_empty_battery_is_known_to_be_empty(bench: TelemetryBench, percent: int, remaining: float | None) -> None:
-    bench.take("BATTERY_STATUS", {"id": 3, "battery_remaining": percent})
-    assert bench.telemetry.state().battery_remaining == remaining
-    assert bench.telemetry.state().batteries_unknown == (() if remaining is not None else (3,))
-
-
-def test_answers_are_counted_and_components_of_any_number_are_no_autopilot(bench: TelemetryBench) -> None:
+def test_answers_are_counted(bench: TelemetryBench) -> None:
     for _ in range(3):
         bench.take("COMMAND_ACK", {"command": 511, "result": 0})
     assert bench.telemetry.acknowledged[511] == 3
-    for component in (0, 2, 100, 300):
-        bench.take("HEARTBEAT", HEARTBEAT, component)
-    assert bench.telemetry.state().heartbeat_mono_ns is None
-    bench.take("CURRENT_MODE", {"custom_mode": 4 << 16 | 3 << 24})
-    assert bench.telemetry.state().intended_mode is None, "an older one does not tell it"
 
 
 @pytest.mark.parametrize("value", [0, 1, 257, 2**31 - 1, -(2**31), -7])
@@ -319,16 +309,28 @@ def test_its_own_odometry_is_handed_on_and_its_resets_are_noted(bench: Telemetry
 def test_a_fix_is_taken_where_somebody_wants_it() -> None:
     telemetry = Telemetry(lambda: 7, wants_gps=True)
     assert "GPS_RAW_INT" in telemetry.message_names
-    fix: dict[str, int] = {"fix_type": 3, "lat": 473977420, "lon": 85455940, "alt": 488000, "alt_ellipsoid": 535500,
-                           "h_acc": 800, "v_acc": 0}  # fmt: skip
-    telemetry.take("GPS_RAW_INT", 1, json.dumps(fix))
+    place = {"fix_type": 3, "lat": 473977420, "lon": 85455940, "alt": 488000}
+    telemetry.take("GPS_RAW_INT", 1, json.dumps(place | {"alt_ellipsoid": 535500, "h_acc": 800, "v_acc": 1250}))
     gps = telemetry.state().gps
     assert gps is not None
     assert gps.t_mono_ns == 7
     assert [gps.latitude_deg, gps.longitude_deg] == pytest.approx([47.397742, 8.545594])
-    assert (gps.hae_m, gps.horizontal_m, gps.vertical_m) == (535.5, 0.8, None)
-    telemetry.take("GPS_RAW_INT", 1, json.dumps(fix | {"fix_type": 2}))
-    assert telemetry.state().gps is None and telemetry.malformed == 0
+    assert (gps.hae_m, gps.horizontal_m, gps.vertical_m) == (535.5, 0.8, 1.25)
+    for fields in (place | {"alt_ellipsoid": 0, "h_acc": 0, "v_acc": 0}, place):
+        telemetry.take("GPS_RAW_INT", 1, json.dumps(fields))
+        gps = telemetry.state().gps
+        assert gps is not None and gps.latitude_deg == pytest.approx(47.397742)
+        assert (gps.hae_m, gps.horizontal_m, gps.vertical_m) == (None, None, None), "0, or not sent: not known"
+    assert telemetry.malformed == 0
+
+
+@pytest.mark.parametrize(("kind", "is_fix"), [(0, False), (2, False), (3, True), (4, True), (5, True), (6, True)])
+def test_a_fix_is_one_in_three_dimensions_or_better(kind: int, is_fix: bool) -> None:
+    """4 to 6: differential, RTK afloat and RTK fixed; one that is lost is not kept."""
+    telemetry = Telemetry(lambda: 7, wants_gps=True)
+    for fix_type in (3, kind):
+        telemetry.take("GPS_RAW_INT", 1, json.dumps({"fix_type": fix_type, "lat": 473977420, "lon": 85455940}))
+    assert (telemetry.state().gps is not None) is is_fix
 
 
 def test_what_is_subscribed_to_is_what_is_understood(bench: TelemetryBench) -> None:
@@ -336,24 +338,12 @@ def test_what_is_subscribed_to_is_what_is_understood(bench: TelemetryBench) -> N
     assert "HEARTBEAT" in names and len(set(names)) == len(names) == 16
 
 
-def test_px4_modes_as_they_are_asked_for_and_told() -> None:
-    assert (px4_modes.OFFBOARD, px4_modes.HOLD) == ((6, 0), (4, 3))
-    assert (px4_modes.LAND, px4_modes.RETURN) == ((4, 6), (4, 5))
-    told = [
-        flight_mode(8 << 16),
-        flight_mode(9 << 16),
-        flight_mode(4 << 16 | 10 << 24),
-        flight_mode(4 << 16 | 11 << 24),
-    ]
-    assert told == [FlightMode.MANUAL, FlightMode.OTHER, FlightMode.TAKEOFF, FlightMode.OTHER]
-    assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER
-
-
 def test_an_older_firmware_that_tells_nothing_of_its_checks_has_no_reasons_either(bench: TelemetryBench) -> None:
     masks = {f"onboard_control_sensors_{part}": 0 for part in ("present", "enabled", "health")}
     bench.take("AUTOPILOT_VERSION", {"flight_sw_version": 1 << 24 | 13 << 16})
     bench.take("SYS_STATUS", masks)
     assert bench.telemetry.state().can_arm is None and bench.telemetry.state().arming_reasons == ()
+    assert not bench.telemetry.fails_silently(), "whether it can arm is not known"
 
 
 def test_it_fails_silently_while_it_cannot_arm_and_has_not_said_why(bench: TelemetryBench) -> None:
@@ -376,6 +366,17 @@ def test_the_modes_of_a_check_are_the_first_four_bytes_of_its_event(bench: Telem
 def test_a_vehicle_that_has_not_said_whether_it_flies_is_taken_to_stand(bench: TelemetryBench) -> None:
     bench.take("ESTIMATOR_STATUS", {"flags": 1023})
     assert bench.telemetry.state().estimator_healthy
+
+
+@pytest.mark.parametrize(("kind", "healthy"), [(2, False), (10, True)])
+def test_an_estimate_that_rests_in_the_air_is_lost_but_for_a_rover_that_stands(
+    bench: TelemetryBench, kind: int, healthy: bool
+) -> None:
+    """PX4 says of an armed rover that it is in the air."""
+    bench.take("HEARTBEAT", HEARTBEAT | {"type": kind})
+    bench.take("EXTENDED_SYS_STATE", {"landed_state": 2})
+    bench.take("ESTIMATOR_STATUS", {"flags": 1023})
+    assert bench.telemetry.state().estimator_healthy is healthy
 
 
 @pytest.mark.parametrize(

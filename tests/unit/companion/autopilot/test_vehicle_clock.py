@@ -225,6 +225,7 @@ def test_a_restart_is_told_and_what_was_known_is_forgotten(bench: TelemetryBench
     bench.telemetry.identify(7)
     bench.take("HEARTBEAT", HEARTBEAT)
     bench.take("BATTERY_STATUS", {"id": 0, "battery_remaining": 42})
+    bench.take("EXTENDED_SYS_STATE", {"landed_state": 2})
     bench.take("PARAM_VALUE", {"param_id": "A", "param_value": 1.5, "param_type": 9})
     bench.take("COMMAND_ACK", {"command": 176, "result": 0})
     for boots in (1, 2, 3):
@@ -233,6 +234,7 @@ def test_a_restart_is_told_and_what_was_known_is_forgotten(bench: TelemetryBench
         _stamped(bench, 1_400, 2.0 * boots + 1.0)
         state = bench.telemetry.state()
         assert state.boots == boots and state.boot_ms == 1_400
+        assert state.landed_unknown and not state.in_air, "it flew before"
         (event,) = bench.telemetry.take_events()
         assert event.text == "the autopilot has restarted: its clock is at 1.4 s again" and event.severity == 4
         assert event.t_mono_ns == bench.now_ns
