@@ -64,6 +64,13 @@ def test_odometry_that_says_it_has_failed_is_that_of_a_failed_tracker(quality: i
     assert pose_from_odometry(fields, 1).confidence == confidence
 
 
+def test_odometry_without_a_quality_has_not_failed() -> None:
+    """The field is an extension: who sends it short of it says nothing of it."""
+    fields = odometry_fields(_pose(), 0, 1)
+    del fields["quality"]
+    assert pose_from_odometry(fields, 0).confidence == 3
+
+
 def test_velocity_in_the_local_frame_is_taken_as_it_is() -> None:
     fields = odometry_fields(_pose(), 0, 1) | {"child_frame_id": 1, "vx": 1.0, "vy": 2.0, "vz": -3.0}
     assert pose_from_odometry(fields, 0).v_enu_m_s == pytest.approx((2.0, 1.0, 3.0))
