@@ -66,7 +66,7 @@ def refuse_other_content(new: Mapping[Path, Path | bytes]) -> None:
     for path, content in new.items():
         is_there = path.is_file()
         if is_there and read_regular(path) != (read_regular(content) if isinstance(content, Path) else content):
-            raise CompanionError(f"{path}: is there already, with other content; choose another folder with --out")
+            raise CompanionError(f"{path}: is there already, with other content; choose another folder")
 
 
 def _written(

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
@@ -14,6 +16,7 @@ from typing import Final, Literal
 import numpy as np
 
 from companion.errors import CompanionError
+from companion.log.export import refuse_other_content
 from companion.sim.ax_radio import simulate_ax_exchanges
 from companion.sim.radio import DEFAULT_EPOCH_NS, simulate_exchanges
 from companion.sim.scenario import Scenario, ax210_radio, bare_robot
@@ -26,6 +29,7 @@ from csi_bridge.records import CSI_CODE, CsiRecord
 RX_MAC: Final = "00:21:6A:53:89:D2"
 TX_MAC: Final = "00:21:6A:3F:17:5A"
 _STAMP: Final = "2023-11-14_221320"
+_LOGS: Final = frozenset({".dat", ".csi"})
 _SECONDS: Final = 6.0
 _START_S: Final = 1.0
 _RADIUS_M: Final = 0.3
@@ -38,7 +42,8 @@ _RATE_HZ: Final = 100.0
 
 def write_sample(folder: Path, seed: int, width_mhz: Literal[20, 40, 80, 160] | None = None) -> tuple[float, float]:
     """Logs of both ends, the trajectory and the truth; the true azimuth and elevation [deg]. With a width the cards are
-    AX210s. Raises CompanionError where the folder cannot be written."""
+    AX210s. All files are written or none. Raises CompanionError where the folder cannot be written, where a file of
+    other content is there, and where it holds the log of another run, whose truth this would pass for."""
     world = _world(seed)
     assert world.beacon_azimuth_rad is not None
     place_m = _DISTANCE_M * np.array([math.cos(world.beacon_azimuth_rad), math.sin(world.beacon_azimuth_rad), 0.0])
@@ -59,19 +64,39 @@ def write_sample(folder: Path, seed: int, width_mhz: Literal[20, 40, 80, 160] | 
         "channel": {"value": world.radio.channel},
         "true_tx_positions": {"value": {"tx2": {"position": place}}},
     }
+    files = {f"csi_{end}_{_STAMP}.{suffix}": log for end, log in zip(("rx", "tx2"), logs, strict=True)}
+    files[f"rx_trajectory_{_STAMP}_.csv"] = "".join(
+        ",".join(f"{value:.6f}" for value in row) + ",\n" for row in rows
+    ).encode()
+    files["groundtruth_positions.json"] = (json.dumps(truth, indent=2) + "\n").encode()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for end, log in zip(("rx", "tx2"), logs, strict=True):
-            (folder / f"csi_{end}_{_STAMP}.{suffix}").write_bytes(log)
-        lines = (",".join(f"{value:.6f}" for value in row) + ",\n" for row in rows)
-        (folder / f"rx_trajectory_{_STAMP}_.csv").write_text("".join(lines))
-        (folder / "groundtruth_positions.json").write_text(json.dumps(truth, indent=2) + "\n")
+        _write(folder, files)
     except OSError as error:
         raise CompanionError(f"{folder}: cannot write the recording: {error.strerror or error}") from None
     away_m = place_m - uav.p_enu_m.mean(axis=0)
     return math.degrees(math.atan2(away_m[1], away_m[0])), math.degrees(
         math.atan2(away_m[2], math.hypot(away_m[0], away_m[1]))
     )
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Raises OSError and CompanionError; then nothing of it is there."""
+    others = (path for path in sorted(folder.glob("csi_*")) if path.suffix in _LOGS and path.name not in files)
+    for path in others:
+        raise CompanionError(f"{path}: is there already, the log of another run; choose another folder")
+    refuse_other_content({folder / name: content for name, content in files.items()})
+    made = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".", dir=folder) as staging:
+            written = [Path(staging, name) for name in files]
+            for path, content in zip(written, files.values(), strict=True):
+                path.write_bytes(content)
+            for path in written:
+                path.replace(folder / path.name)
+    finally:
+        if made and not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def _world(seed: int) -> Scenario:
