@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
+from companion.commands.given import refuse_given
 from companion.commands.numbers import Number
 from companion.commands.output_files import PICTURE, check_writable, write_json
 from companion.commands.terminal import Console, wide_console
@@ -66,6 +67,7 @@ def demo(
     Exit code 0 only when the drone came within 2 m of the robot.
     """
     if recording is not None:
+        refuse_given("--recording, which flies nothing", "max_time", "out", "scene", "gps", "json_path")
         azimuth_deg, elevation_deg = write_sample(recording, seed, 80 if card == "ax210" else None)
         where = f"azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg"
         click.echo(f"{recording}: the transmitter tx2 is at {where}")
