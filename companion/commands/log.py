@@ -18,6 +18,7 @@ from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError, escaped
 from companion.log.info import LogInfo, inspect
+from companion.log.reader import joined_line
 
 _file = click.Path(path_type=Path, readable=False)
 _WIDTH = 120
@@ -162,6 +163,8 @@ def import_(
 def _show(one: LogInfo, console: Console) -> None:
     broken = f"DAMAGED at {one.damaged} places" if one.damaged else "CUT OFF"
     state = "whole" if one.is_whole else f"{broken} (companion log repair saves what can be read)"
+    if one.another_at is not None:
+        state = joined_line(one.another_at)
     meta = one.metadata
     console.print(f"{one.path}: {one.size_bytes / 1e6:.2f} MB, {one.duration_s:.1f} s, {state}", highlight=False)
     about = [f"{key} {meta[key]}" for key in ("role", "name", "version", "session", "part") if key in meta]
@@ -184,6 +187,7 @@ def _info_json(one: LogInfo) -> dict[str, object]:
         "size_bytes": one.size_bytes,
         "is_whole": one.is_whole,
         "damaged": one.damaged,
+        "another_at": one.another_at,
         "duration_s": one.duration_s,
         "dropped": one.dropped,
         "metadata": dict(one.metadata),

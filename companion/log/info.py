@@ -44,6 +44,8 @@ class LogInfo:
     is_whole: bool
     damaged: int
     """Places that could not be read, though the file goes on behind them."""
+    another_at: int | None
+    """Where another log begins in the file; only the first is told of."""
     metadata: Mapping[str, str]
     topics: tuple[TopicInfo, ...]
     start_ns: int
@@ -77,6 +79,7 @@ def inspect(path: Path, progress: Progress | None = None) -> LogInfo:
         size_bytes=scan.size_bytes,
         is_whole=scan.is_whole,
         damaged=scan.damaged,
+        another_at=scan.another_at,
         metadata=scan.metadata.get(METADATA, {}),
         topics=tuple(topics[topic] for topic in sorted(topics)),
         start_ns=min((info.first_ns for info in topics.values()), default=0),

@@ -28,6 +28,8 @@ from csi_bridge.foreign import TEXT, foreign_format
 from csi_bridge.regular_file import open_regular
 
 _FIRST_BYTES: Final = 4096
+_LINE_ENDS_CHANGED: Final = (MCAP0_MAGIC[:-2] + b"\r\r", MCAP0_MAGIC[:-2] + b"\n")
+"""Beginnings of a log in which each end of a line became \\r\\n or \\r, or each \\r\\n became \\n."""
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
 """Called with the bytes read and the bytes there are."""
@@ -71,6 +73,8 @@ class LogScan:
         """Places at which something could not be read, though the file goes on."""
         self.lost_bytes = 0
         """In these places."""
+        self.another_at: int | None = None
+        """As `companion.log.scan` says; what stands there is not read."""
         self.size_bytes = 0
         self.is_own = False
         """Whether its header or its metadata say that this program wrote it."""
@@ -84,10 +88,11 @@ class LogScan:
             with open_regular(self.path) as file:
                 self.size_bytes = self.path.stat().st_size
                 magic = file.read(MAGIC_BYTES)
+                _refuse_unreadable(self.path, magic)
                 records = RecordScan(file, self._past_damage)
                 yield from self._messages(records, file)
                 self.is_whole, self.damaged = records.is_whole, records.damaged
-                self.lost_bytes = records.lost_bytes
+                self.lost_bytes, self.another_at = records.lost_bytes, records.another_at
         except OSError as error:
             raise CompanionError(f"{self.path}: cannot read the log: {error.strerror}") from None
         if records.unknown and not records.chunks:
@@ -144,6 +149,20 @@ class LogScan:
                         channels.setdefault(record.id, record)
 
 
+def refuse_joined(scan: LogScan) -> None:
+    """Raises CompanionError where another log follows the one that was read: all of it would be lost."""
+    if scan.another_at is not None:
+        raise CompanionError(f"{scan.path}: {joined_line(scan.another_at)}")
+
+
+def joined_line(another_at: int) -> str:
+    """What to do with two logs in one file."""
+    return (
+        f"another log begins at byte {another_at}; split the file there: `head -c {another_at}` gives the first, "
+        f"`tail -c +{another_at + 1}` the rest (companion log merge joins logs)"
+    )
+
+
 def read_log(path: Path, topics: Container[str]) -> list[LoggedMessage]:
     """All messages of `topics` in one file. Raises CompanionError."""
     return list(LogScan(path, topics))
@@ -196,7 +215,7 @@ class Session:
         past_damage: bool = True,
     ) -> Iterator[LoggedMessage]:
         """Of all parts in their order. `on_cut` is told of each file that is cut off or damaged. Without `past_damage`
-        the first damage ends it."""
+        the first damage ends it. Raises CompanionError, behind the last message, where another log follows."""
         total = sum(path.stat().st_size for path in self.paths)
         done = 0
         for path in self.paths:
@@ -208,6 +227,7 @@ class Session:
 
             scan = LogScan(path, topics, read, past_damage)
             yield from scan
+            refuse_joined(scan)
             done += path.stat().st_size
             if not scan.is_whole and on_cut is not None:
                 on_cut(path)
@@ -290,8 +310,7 @@ def _why_no_log(path: Path) -> str:
     """Why a file without our metadata has none."""
     with open_regular(path) as file:
         magic = file.read(MAGIC_BYTES)
-        if not magic:
-            return "empty; nothing was written to it"
+        _refuse_unreadable(path, magic)
         scan = RecordScan(file)
         is_own = any(isinstance(record, Header) and record.library == LIBRARY for record in scan)
         if magic != MCAP0_MAGIC[: len(magic)] and not scan.chunks:
@@ -299,6 +318,14 @@ def _why_no_log(path: Path) -> str:
         if is_own or not scan.is_whole:
             return f"cut off or damaged: its metadata {METADATA!r} cannot be read"
     return f"no log of this program (it has no metadata {METADATA!r})"
+
+
+def _refuse_unreadable(path: Path, magic: bytes) -> None:
+    """Raises CompanionError for a file of which no repair saves anything."""
+    if not magic:
+        raise CompanionError(f"{path}: empty; nothing was written to it")
+    if magic.startswith(_LINE_ENDS_CHANGED):
+        raise CompanionError(f"{path}: a transfer in text mode changed its line ends; copy it again, in binary mode")
 
 
 def _no_mcap(path: Path) -> str:

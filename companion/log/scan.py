@@ -13,6 +13,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from typing import BinaryIO, Final
 
@@ -38,6 +39,7 @@ UNREADABLE: Final = (
 
 COMPRESSIONS: Final = ("zstd", "lz4", "")
 MAGIC_BYTES: Final = len(MCAP0_MAGIC)
+_BEGINNING: Final = MCAP0_MAGIC + bytes([Opcode.HEADER])
 _MARKS: Final = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
 _MARK_AT: Final = 37
 """Of the name of its compression in a chunk: code, length, two times, size and checksum stand before it."""
@@ -76,12 +78,16 @@ class RecordScan:
         self._crc = zlib.crc32(MCAP0_MAGIC)
         self._is_continuous = not passed_over
         """Whether all bytes since the checksum began have been in it."""
+        self._read_to = MAGIC_BYTES
+        """The end of the last record that was more than skipped: a cut one may reach into what stands behind it."""
         self.is_whole = False
         """Whether the file ended as it should and all of it could be read; known afterwards."""
         self.damaged = 0
         """Places that were passed over, or at which reading ended though more chunks follow."""
         self.lost_bytes = 0
         """In these places."""
+        self.another_at: int | None = None
+        """Where another log begins behind this one, as when two files were joined; reading ends before it."""
         self.chunks = 0
         """That could be opened."""
         self.unknown: set[str] = set()
@@ -104,10 +110,14 @@ class RecordScan:
                 at = self._passed(at, frame.end)
                 continue
             at = frame.end
+            if frame.code in _READ or frame.code == Opcode.ATTACHMENT:
+                self._read_to = at
             yield from records
             if frame.code == Opcode.FOOTER:
                 self._file.seek(at)
-                self.is_whole = self._file.read() == MCAP0_MAGIC and self.damaged == 0
+                is_end = self._file.read(MAGIC_BYTES) == MCAP0_MAGIC and at + MAGIC_BYTES == self._size
+                self.is_whole = is_end and self.damaged == 0
+                self.another_at = None if is_end else self._find(_beginning, at)
                 return
 
     def _frame(self, at: int) -> _Frame | None:
@@ -191,11 +201,15 @@ class RecordScan:
         if only this one is damaged."""
         self._is_continuous = False
         is_sound = following is not None and self._is_sound(following)
-        next_at = following if is_sound else self._next_chunk(at)
+        next_at = following if is_sound else self._find(_chunk, at)
+        another = None if is_sound or at == 0 else self._find(partial(_beginning, before=next_at), self._read_to)
+        if another is not None:
+            self.another_at, next_at = another, None
         if next_at is None:  # nothing more: the file was cut off here
             return -1
         self.damaged += 1
         self.lost_bytes += next_at - at
+        self._read_to = next_at
         return next_at if self._past_damage else -1
 
     def _is_sound(self, at: int) -> bool:
@@ -209,16 +223,25 @@ class RecordScan:
                 return True
         return True
 
-    def _next_chunk(self, good: int) -> int | None:
-        """Where the first whole chunk behind `good` begins."""
+    def _find(self, what: Callable[[mmap.mmap, int], int | None], good: int) -> int | None:
         if not self._size:
             return None
         with mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            places = [place for mark in _MARKS if (place := _find(content, mark, good)) is not None]
-        return min(places, default=None)
+            return what(content, good)
 
 
-def _find(content: mmap.mmap, mark: bytes, good: int) -> int | None:
+def _beginning(content: mmap.mmap, good: int, before: int | None = None) -> int | None:
+    """Where the first log behind `good` begins."""
+    at = content.find(_BEGINNING, good, len(content) if before is None else before)
+    return None if at < 0 else at
+
+
+def _chunk(content: mmap.mmap, good: int) -> int | None:
+    """Where the first whole chunk behind `good` begins."""
+    return min((place for mark in _MARKS if (place := _marked(content, mark, good)) is not None), default=None)
+
+
+def _marked(content: mmap.mmap, mark: bytes, good: int) -> int | None:
     at = content.find(mark, good + _MARK_AT + 1)
     while at >= 0:
         code, length = _HEAD.unpack_from(content, at - _MARK_AT)

@@ -9,6 +9,7 @@ from pathlib import Path
 import lz4.frame
 import pytest
 from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
 
 from companion.errors import CompanionError
 from companion.log.info import inspect
@@ -16,6 +17,7 @@ from companion.log.reader import LogScan, metadata_of, open_session
 from companion.log.repair import repair
 from companion.log.scan import RecordScan
 from companion.log.writer import METADATA
+from tests.log_commands import FLIGHT, Run
 from tests.unit.companion.log.written import HEAD, METADATA_VALUES, foreign, frames, log_of
 
 
@@ -162,6 +164,52 @@ def test_another_programs_file_is_named(tmp_path: Path, content: bytes, named: s
 def test_a_repair_that_saves_nothing_fails_and_leaves_nothing(tmp_path: Path, content: bytes) -> None:
     path, target = tmp_path / "log.mcap", tmp_path / "saved.mcap"
     path.write_bytes(content)
-    with pytest.raises(CompanionError, match="nothing could be saved"):
+    with pytest.raises(CompanionError, match="nothing (could be saved|was written)"):
         repair(path, target)
     assert not target.exists()
+
+
+def test_another_log_behind_a_log_is_named_and_nothing_is_done_without_it(companion: Run, tmp_path: Path) -> None:
+    joined = tmp_path / "joined.mcap"
+    first, second = FLIGHT.read_bytes(), log_of(100)
+    for begun in (first, first[:700_000], first[:700_003]):
+        joined.write_bytes(begun + second)
+        code, out, _ = companion("log", "info", joined)
+        assert code == 0
+        assert f"another log begins at byte {len(begun)}" in " ".join(out.split())
+        for words in (("log", "repair"), ("log", "export", "--out", tmp_path / "o"), ("report", "-o", tmp_path / "r")):
+            code, out, err = companion(*words, joined)
+            assert code == 1, (words, out)
+            assert f"another log begins at byte {len(begun)}" in err
+        assert list(tmp_path.iterdir()) == [joined]
+    code, _, err = companion("replay", "--check", joined)
+    assert code == 1
+    assert "another log begins" in err
+
+
+def test_the_magic_in_a_message_is_no_other_log(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(foreign(True, data=MCAP0_MAGIC + b"\x01" + bytes(50)))
+    scan = LogScan(path)
+    assert len(list(scan)) == 1
+    assert scan.is_whole
+    assert scan.another_at is None
+
+
+@pytest.mark.parametrize(("old", "new"), [(b"\n", b"\r\n"), (b"\r\n", b"\n"), (b"\n", b"\r")])
+def test_a_transfer_in_text_mode_is_named(companion: Run, tmp_path: Path, old: bytes, new: bytes) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(FLIGHT.read_bytes().replace(old, new))
+    for words in (("log", "info"), ("log", "repair"), ("log", "export", "--out", tmp_path / "o"), ("replay",)):
+        code, out, err = companion(*words, path)
+        assert code == 1, (words, out)
+        assert "copy it again, in binary mode" in err
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_empty_log_is_said_to_be_empty(companion: Run, tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_bytes(b"")
+    for words in (("log", "info"), ("log", "repair"), ("report",)):
+        code, _, err = companion(*words, tmp_path / "log.mcap")
+        assert code == 1
+        assert "empty; nothing was written to it" in err
