@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from companion.commands.tables import figures_table
 from companion.commands.terminal import Console, bar_columns, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError
-from companion.host.child import die_with_parent
+from companion.host.pool import computed
 from wsr.estimators import ESTIMATORS
 
 _PIPE_COLUMNS = 120
@@ -99,10 +99,10 @@ def _evaluate_all(runs: list[Run], options: Options, jobs: int) -> list[RunRows]
     done: list[RunRows] = []
     with (
         Progress(*bar_columns(), console=Console(stderr=True), transient=True) as progress,
-        ProcessPoolExecutor(max_workers=min(jobs, len(runs)), initializer=die_with_parent) as pool,
+        computed(partial(evaluate_run, options=options), runs, min(jobs, len(runs))) as futures,
     ):
         task = progress.add_task("evaluating", total=len(runs))
-        for future in as_completed([pool.submit(partial(evaluate_run, run, options)) for run in runs]):
+        for future in as_completed(futures):
             done.append(future.result())
             progress.advance(task)
     return done

@@ -1,4 +1,4 @@
-"""Child processes that never outlive their parent.
+"""Child processes that never outlive their parent, and leave a Ctrl-C to it.
 
 `python -m companion.host.child PARENT COMMAND...` becomes COMMAND, tied to the process PARENT. A parent that starts its
 children so needs no `preexec_fn`, with which Python must copy the whole process (fork) instead of lending it (vfork):
@@ -23,11 +23,13 @@ def die_with_parent() -> None:
 
 
 def tied(*command: str) -> tuple[str, ...]:
-    """The command line that runs `command` as a child of this process that dies with it."""
+    """The command line that runs `command` as a child of this process that dies with it. A Ctrl-C is for the parent,
+    which ends what it started."""
     return (sys.executable, "-m", "companion.host.child", str(os.getpid()), *command)
 
 
 def main() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # stays so in what we become
     parent, command = int(sys.argv[1]), sys.argv[2:]
     die_with_parent()
     if os.getppid() != parent:  # it died before we were tied to it

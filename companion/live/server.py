@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import signal
 import socket
 import sys
 import threading
@@ -159,7 +158,6 @@ def _run_front(
 
 
 def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for whoever feeds this, and ends it with the feed
     settings = msgspec.json.decode(sys.argv[1], type=LiveSettings)
     with socket.socket(fileno=os.dup(0)) as feed:
         try:

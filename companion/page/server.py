@@ -11,7 +11,6 @@ import asyncio
 import json
 import os
 import shutil
-import signal
 import socket
 import sys
 from dataclasses import dataclass
@@ -124,7 +123,6 @@ def asset(name: str) -> str:
 
 
 def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for whoever feeds this, and ends it with the feed
     settings = msgspec.json.decode(sys.argv[1], type=PageSettings)
     with socket.socket(fileno=os.dup(0)) as feed:
         feed.setblocking(False)

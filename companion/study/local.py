@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 from numpy.random import SeedSequence
 
-from companion.host.child import die_with_parent
+from companion.host.pool import computed
 from companion.study.trials import TrialError, batches, run_batch
 
 S = TypeVar("S")
@@ -38,18 +38,13 @@ class ProcessRunner:
         """As `TrialRunner.run`."""
         todo = list(batches(specs, seed, self.jobs))
         rows: dict[int, list[R]] = {}
-        context = multiprocessing.get_context("spawn")
         workers = max(1, min(self.jobs, len(todo)))
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=die_with_parent) as pool:
-            futures = {pool.submit(run_batch, trial, batch): batch for batch in todo}
-            try:
+        try:
+            with computed(partial(run_batch, trial), todo, workers, "spawn") as futures:
                 for future in as_completed(futures):
                     batch = futures[future]
                     rows[batch.first] = future.result()
                     on_done(batch.first, rows[batch.first])
-            except BrokenProcessPool:
-                raise TrialError("a worker process died; out of memory?") from None
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+        except BrokenProcessPool:
+            raise TrialError("a worker process died; out of memory?") from None
         return [row for first in sorted(rows) for row in rows[first]]

@@ -10,7 +10,6 @@ import asyncio
 import json
 import logging
 import os
-import signal
 import socket
 import sys
 from dataclasses import dataclass
@@ -55,7 +54,6 @@ def open_link(settings: TakSettings) -> CotLink:
 
 
 def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is for whoever feeds this, and ends it with the feed
     logging.basicConfig(format="companion tak: %(message)s", stream=sys.stderr)
     settings = msgspec.json.decode(sys.argv[1], type=TakSettings)
     with socket.socket(fileno=os.dup(0)) as feed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -40,6 +41,14 @@ def test_the_child_dies_with_its_parent() -> None:
         _until(lambda: b"sleep" in Path(f"/proc/{child}/cmdline").read_bytes())
         started.kill()
     _until(lambda: _is_gone(child))
+
+
+def test_a_ctrl_c_is_for_the_parent() -> None:
+    with subprocess.Popen(tied("sleep", "60")) as child:
+        _until(lambda: Path(f"/proc/{child.pid}/cmdline").read_bytes().startswith(b"sleep"))
+        child.send_signal(signal.SIGINT)
+        child.terminate()
+        assert child.wait(10) == -signal.SIGTERM
 
 
 def _until(holds: object) -> None:
