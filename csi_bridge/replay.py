@@ -14,8 +14,9 @@ import numpy.typing as npt
 from csi_bridge.clock import median_of_five
 from csi_bridge.dat_frames import Content, DatFileError, content, offsets, sound_frames
 from csi_bridge.feitcsi.log import FeitLog, is_feitcsi, parse_log
+from csi_bridge.feitcsi.parser import sender_of
 from csi_bridge.feitcsi.records import FEITCSI_CODE, HEADER_BYTES
-from csi_bridge.parser import HEADER, STAMP, body_shape
+from csi_bridge.parser import HEADER, STAMP, body_shape, parse_head
 from csi_bridge.records import CSI_CODE, CsiError
 from csi_bridge.regular_file import open_regular
 
@@ -58,6 +59,11 @@ class Tape:
     @property
     def duration_s(self) -> float:
         return float(self.due_s[-1]) if len(self.due_s) else 0.0
+
+    def senders(self) -> frozenset[str]:
+        """MACs that its CSI records name."""
+        found = {_sender(code, body) for code, body in self.records}
+        return frozenset(mac.hex(":").upper() for mac in found if mac is not None)
 
     def between(self, from_s: float, to_s: float) -> Sequence[tuple[int, bytes]]:
         """Records with from_s <= t < to_s."""
@@ -132,6 +138,15 @@ def _connector_tape(path: Path) -> Tape:
         malformed_count=frames.malformed,
         skipped_bytes=frames.skipped_bytes,
     )
+
+
+def _sender(code: int, body: bytes) -> bytes | None:
+    try:
+        if code == FEITCSI_CODE:
+            return sender_of(body)
+        return parse_head(body).mac if code == CSI_CODE else None
+    except CsiError:
+        return None
 
 
 class _Records(Sequence[tuple[int, bytes]]):

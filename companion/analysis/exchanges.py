@@ -109,26 +109,44 @@ def senders(log: CsiLog) -> dict[str, int]:
     return {mac: count for mac, count in known if mac not in ("", UNKNOWN_MAC)}
 
 
+def own_card(name: str, given: str | None = None) -> str | None:
+    """MAC of the transmitter `name` as far as it is known without a log: the given one, else a data set's."""
+    return given or next((mac for mac, known_name in KNOWN_TRANSMITTERS.items() if known_name == name), None)
+
+
 def transmitter_mac(name: str, rx: CsiLog, tx: CsiLog, given: str | None = None) -> str:
     """MAC of the transmitter `name`: the given one, else a known card's, else the one sender it can be.
 
     A log never holds packets of its own card, so the transmitter is a sender that its own log lacks.
-    Raises ExchangeError when none or more than one is left.
+    Raises ExchangeError when none or more than one is left, and where its own log holds its known card's packets.
     """
     heard = senders(rx)
     listed = ", ".join(heard) or "none"
-    known = next((mac for mac, known_name in KNOWN_TRANSMITTERS.items() if known_name == name), None)
-    for mac in (given, known):
-        if mac is not None and mac in heard:
-            return mac
-        if mac is not None and mac is given:
-            raise ExchangeError(f"{rx.path}: no packets of {mac}; senders heard: {listed}")
+    known = own_card(name, given)
+    if known is not None and known in senders(tx):
+        raise hears_itself(name, known, rx.path, tx.path, rx_heard_it=known in heard, given=given is not None)
+    if known is not None and known in heard:
+        return known
+    if given is not None:
+        raise ExchangeError(f"{rx.path}: no packets of {given}; senders heard: {listed}")
     others = sorted(heard.keys() - senders(tx).keys())
     if len(others) == 1:
         return others[0]
     if known is not None:
         raise ExchangeError(f"{rx.path}: no packets of {known} ({name}); senders heard: {listed}")
     raise ExchangeError(f"{rx.path}: which sender is {name}? Choose with --mac {name}=MAC; senders heard: {listed}")
+
+
+def hears_itself(name: str, mac: str, rx: Path, tx: Path, *, rx_heard_it: bool, given: bool) -> ExchangeError:
+    """Of a log `tx` that cannot be that of `name`, whose card is `mac`: known, or `given` by the user, who may err."""
+    if given and not rx_heard_it:
+        return ExchangeError(
+            f"{rx}: no packets of {mac}, and {tx} holds some: is it the card of {name}, or are the ends swapped?"
+        )
+    seen = f"{tx} holds packets of {mac}, {name}'s own card, which that card's own log never does"
+    if rx_heard_it:
+        return ExchangeError(f"{seen}: is it another robot's log, as {rx} is?")
+    return ExchangeError(f"the ends look swapped: {seen}, and {rx} holds none")
 
 
 def receiver_mac(rx: CsiLog, tx: CsiLog) -> str:

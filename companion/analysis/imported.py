@@ -12,6 +12,7 @@ import heapq
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,7 @@ import numpy as np
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
 from companion.analysis.bearings import analyze_run
+from companion.analysis.exchanges import hears_itself, own_card
 from companion.analysis.result import LinkResult, Options, RunResult
 from companion.analysis.runs import TRUTH_NAME, RecordingError, Run, find_runs, loose_run, printable, read_truth
 from companion.analysis.scene import missing_files
@@ -72,14 +74,17 @@ class ImportedScene:
 
 def import_run(run: Run, target: Path, options: Options) -> ImportedScene:
     """Writes one run as a log. Problems of single files are in the result. Raises CompanionError when there is no CSI
-    of the receiving robot, a file that was given by name cannot be read, or `target` cannot be written."""
+    of the receiving robot, a file that was given by name cannot be read, a transmitter's log cannot be its own, or
+    `target` cannot be written."""
     if run.rx is None:
         raise RecordingError(f"{run.folder}: csi_rx_{run.stamp}.dat is missing")
     for kind in run.ambiguous:
         raise RecordingError(next(missing_files(run, kind, None)))
     problems: list[str] = []
     sources: list[Iterator[_Timed] | None] = [_csi_messages(run.rx, CSI, problems)]
-    sources += [_csi_messages(path, _peer_stream(name), problems) for name, path in run.tx.items()]
+    for name, path in run.tx.items():
+        _refuse_foreign(name, run.rx, path, options.macs.get(name))
+        sources.append(_csi_messages(path, _peer_stream(name), problems))
     offset_s = options.time_offset_s
     sources += [
         _pose_messages(path, kind, _pose_stream(kind), offset_s, problems=problems)
@@ -255,6 +260,15 @@ def _run_at(place: Path, scene: ImportedScene) -> Run:
         )
     run = loose_run(rx, (), trajectory)
     return replace(run, tx={name: path for name, path in names.items() if name != "rx"}, stamp=scene.stamp)
+
+
+def _refuse_foreign(name: str, rx: Path, tx: Path, given: str | None) -> None:
+    """Raises ExchangeError where the log `tx` holds packets of the card that `name` is known to have."""
+    card = own_card(name, given)
+    with suppress(DatFileError):  # what cannot be read is said by who imports it
+        if card is not None and card in read_tape(tx).senders():
+            heard = card in read_tape(rx).senders()
+            raise hears_itself(name, card, rx, tx, rx_heard_it=heard, given=given is not None)
 
 
 def _csi_messages(path: Path, stream: Stream, problems: list[str]) -> Iterator[_Timed] | None:

@@ -41,6 +41,8 @@ _MAX_TRUTH_BYTES: Final = 10_000_000
 _MOST_FOLDERS: Final = 20_000
 _EXPECTED_TRUTH: Final = "expected channel.value and true_tx_positions.value.NAME.position with x, y, z"
 _CSI_NAME: Final = re.compile(r"csi_(rx|tx\d+)_(.+)\.(?:dat|csi)")
+_TRANSMITTER: Final = re.compile(r"tx\d+")
+_RECEIVER: Final = re.compile(r"(?<![a-z])rx(?![a-z0-9])")
 _TRAJECTORY_SUFFIXES: Final = frozenset({".csv", ".tum", ".txt"})
 _STAMP: Final = re.compile(r"\d{4}-\d\d-\d\d_\d{6}")
 
@@ -114,7 +116,14 @@ def find_runs(root: Path) -> list[Run]:
 
 
 def loose_run(rx: Path, tx: tuple[Path, ...], trajectory: Path, kind: PoseKind | None = None) -> Run:
-    """A run of files given one by one. Each transmitter is named by its file name. Raises RecordingError."""
+    """A run of files given one by one. Each transmitter is named by its file name. Raises RecordingError, also where
+    their names say that the ends are swapped."""
+    for path in tx:
+        if _is_transmitters(rx) and _is_receivers(path) and not _is_transmitters(trajectory):
+            raise RecordingError(
+                f"the ends look swapped: --rx {rx} is a transmitter's log by its name, and --tx {path} the receiving "
+                "robot's"
+            )
     names = [_transmitter_name(path) for path in tx]
     if len(set(names)) < len(names):
         raise RecordingError(f"two files of one transmitter: {', '.join(path.name for path in tx)}")
@@ -306,6 +315,14 @@ def _truth_near(folder: Path) -> Path | None:
     return None
 
 
+def _is_receivers(path: Path) -> bool:
+    return _RECEIVER.search(path.name) is not None and _TRANSMITTER.search(path.name) is None
+
+
+def _is_transmitters(path: Path) -> bool:
+    return _TRANSMITTER.search(path.name) is not None and _RECEIVER.search(path.name) is None
+
+
 def _transmitter_name(path: Path) -> str:
-    match = re.search(r"tx\d+", path.name)
+    match = _TRANSMITTER.search(path.name)
     return match.group() if match else path.stem

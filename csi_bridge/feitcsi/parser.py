@@ -75,6 +75,12 @@ def parse_record(data: bytes | memoryview) -> FeitRecord:
     )
 
 
+def sender_of(data: bytes) -> bytes:
+    """The sender's address in a whole record, which is not looked at further."""
+    mac: bytes = FIELDS.unpack_from(data)[8]
+    return mac
+
+
 def next_record_at(data: bytes | bytearray, start: int = 0) -> int:
     """Where the first sound header at or behind `start` begins; where one might that is not all there; else the end."""
     while (found := _LIKELY.search(data, start)) is not None and len(data) - found.start() >= _SHOWS:

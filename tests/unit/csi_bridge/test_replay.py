@@ -13,9 +13,11 @@ from csi_bridge.dat_frames import DatFileError
 from csi_bridge.feitcsi.encoder import encode_record
 from csi_bridge.feitcsi.records import HEADER_BYTES
 from csi_bridge.replay import Tape, play, read_tape
+from tests import csi_records
 from tests.csi_bytes import changed, later
-from tests.feit_records import record
-from tests.synthetic_run import RunFolder
+from tests.csi_records import log_of
+from tests.feit_records import MAC, record
+from tests.synthetic_run import TX_MAC, RunFolder
 
 YEARS_S = 53 * 365.25 * 86400
 STEP_S = 3.8 / 499
@@ -31,6 +33,14 @@ def test_a_tape_is_spaced_as_it_was_recorded(run: RunFolder) -> None:
     np.testing.assert_allclose(tape.due_s, np.arange(500) * STEP_S, atol=1e-5)
     assert tape.t_s[0] > 1e9 and tape.duration_s == pytest.approx(3.8, abs=1e-4)
     assert tape.records[3:5][1] == tape.records[4]
+
+
+def test_the_senders_of_a_tape_are_those_its_reports_name(run: RunFolder, tmp_path: Path) -> None:
+    assert read_tape(run.rx).senders() == {TX_MAC}
+    (tmp_path / "ax.csi").write_bytes(encode_record(record()))
+    assert read_tape(tmp_path / "ax.csi").senders() == {MAC.hex(":").upper()}
+    run.rx.write_bytes(log_of([csi_records.record(layout=20)]))
+    assert read_tape(run.rx).senders() == frozenset()
 
 
 @pytest.mark.parametrize("by_s", [YEARS_S, -YEARS_S + 1e6, -0.4, 30.0])

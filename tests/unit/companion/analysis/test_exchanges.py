@@ -98,6 +98,18 @@ def test_the_other_end_is_the_sender_that_its_own_log_lacks(run: RunFolder) -> N
     assert transmitter_mac("tx1", rx, tx) == TX_MAC, "one that is not there, and one sender it can be"
 
 
+def test_a_log_that_holds_packets_of_its_own_card_is_another_ends(run: RunFolder) -> None:
+    rx, tx = _both(run)
+    for name, given in (("tx2", None), ("robot", TX_MAC)):
+        expected = "the ends look swapped: " if given is None else "holds some: .* are the ends swapped"
+        with pytest.raises(ExchangeError, match=expected) as told:
+            transmitter_mac(name, tx, rx, given)
+        assert str(rx.path) in str(told.value) and str(tx.path) in str(told.value) and "\n" not in str(told.value)
+        with pytest.raises(ExchangeError, match=f"own card, .* is it another robot's log, as {run.rx} is"):
+            transmitter_mac(name, rx, rx, given)
+    assert transmitter_mac("robot", tx, rx) == RX_MAC, "of cards that are not known either may be either's"
+
+
 def test_times_are_the_receivers_and_damage_is_said(run: RunFolder) -> None:
     rx = read_log(run.rx)
     assert len(heard_s(rx, TX_MAC)) == EXCHANGES

@@ -6,12 +6,14 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from companion.analysis.bearings import OUTSIDE, analyze_run
+from companion.analysis.exchanges import ExchangeError
 from companion.analysis.imported import analyze_session, export_run, import_run
 from companion.analysis.result import Options
 from companion.analysis.runs import RecordingError, Run, find_runs, loose_run
@@ -23,7 +25,7 @@ from companion.log.repair import copy
 from companion.log.writer import LogWriter
 from tests.csi_records import needs_data
 from tests.faults.campaigns import FULL, recordings
-from tests.synthetic_run import RunFolder
+from tests.synthetic_run import TX_MAC, RunFolder
 
 
 @pytest.fixture
@@ -87,6 +89,18 @@ def test_a_loose_file_that_cannot_be_read_is_no_recording(run: RunFolder, tmp_pa
     loose = loose_run(found.rx, tuple(found.tx.values()), tmp_path / "empty.csv")
     with pytest.raises(RecordingError, match=r"empty\.csv"):
         import_run(loose, tmp_path / "run.mcap", Options())
+
+
+def test_ends_that_are_swapped_are_not_imported(run: RunFolder, tmp_path: Path) -> None:
+    (found,) = find_runs(run.folder)
+    swapped = replace(found, rx=run.tx, tx={"tx2": run.rx})
+    for run_, options in ((swapped, Options()), (replace(swapped, tx={"own": run.rx}), Options(macs={"own": TX_MAC}))):
+        with pytest.raises(ExchangeError, match=r"the ends look swapped: |are the ends swapped"):
+            import_run(run_, tmp_path / "run.mcap", options)
+    assert not (tmp_path / "run.mcap").exists()
+    run.rx.write_bytes(b"")
+    with pytest.raises(RecordingError, match="empty file"):
+        import_run(found, tmp_path / "run.mcap", Options())
 
 
 @needs_data

@@ -113,6 +113,28 @@ def test_loose_files_are_named_by_their_file_names() -> None:
 
 
 @pytest.mark.parametrize(
+    ("rx", "tx", "trajectory", "swapped"),
+    [
+        ("csi_tx2_1.dat", "csi_rx_1.dat", "rx_trajectory_1_.csv", True),
+        ("tx2.dat", "rx.csi", "way.csv", True),
+        ("csi_tx2_1.dat", "csi_rx_1.dat", "tx2_trajectory_1_.csv", False),
+        ("csi_rx_1.dat", "csi_tx2_1.dat", "rx_trajectory_1_.csv", False),
+        ("csi_tx2_1.dat", "csi_tx3_1.dat", "way.csv", False),
+        ("heard_by_rx_of_tx2.dat", "heard_by_tx2_of_rx.dat", "way.csv", False),
+        ("csi_tx2_1.dat", "csi_rx2_1.dat", "way.csv", False),
+    ],
+)
+def test_names_that_say_the_other_end_are_refused_unless_the_trajectory_is_its_own(
+    rx: str, tx: str, trajectory: str, swapped: bool
+) -> None:
+    if not swapped:
+        assert loose_run(Path(rx), (Path(tx),), Path(trajectory)).rx == Path(rx)
+        return
+    with pytest.raises(RecordingError, match=f"the ends look swapped: --rx {rx} .* --tx {tx} "):
+        loose_run(Path(rx), (Path(tx),), Path(trajectory))
+
+
+@pytest.mark.parametrize(
     ("value", "reason"),
     [
         ("Infinity", "channel.value is inf"),

@@ -43,8 +43,12 @@ def spoil(run: RunFolder, what: str) -> None:
             run.trajectory.write_text(run.trajectory.read_text().replace("17000000", "16999990"))
         case "short trajectory":
             run.trajectory.write_text("".join(run.trajectory.read_text().splitlines(keepends=True)[200:208]))
-        case "logs swapped":
+        case "one log twice":
             run.tx.write_bytes(run.rx.read_bytes())
+        case "logs swapped":
+            at_rx, at_tx = run.rx.read_bytes(), run.tx.read_bytes()
+            run.rx.write_bytes(at_tx)
+            run.tx.write_bytes(at_rx)
         case "truth is no JSON":
             run.truth.write_text("{")
         case "truth without channel":
