@@ -26,6 +26,8 @@ _SPEED_OVER_S: Final = 0.5
 _PATH_STEP_S: Final = 0.02
 _MAX_STAMP_S: Final = 1e10
 _UNITS: Final = ((1e17, "nanoseconds"), (1e14, "microseconds"), (1e11, "milliseconds"), (0.0, "another unit"))
+_STEP_UNITS: Final = ((1e6, "ns", "nanoseconds"), (1e3, "us", "microseconds"), (0.0, "ms", "milliseconds"))
+_PX4: Final = ". PX4, whose stamps are microseconds, has x North, y East, z down: turn them to East, North, Up too"
 _MAX_INTERVAL_S: Final = 1.0
 _LEAST_INTERVAL_S: Final = 5e-4
 _MANY: Final = 10
@@ -46,14 +48,16 @@ def check_stamps(path: str, lines: Lines, t_s: Array) -> None:
         unit = next(unit for least, unit in _UNITS if abs(value) >= least)
         raise TrajectoryError(
             f"{path}: line {lines[wrong[0]]} is stamped {value:.10g}; expected seconds. If these are {unit}, a heading "
-            "such as `timestamp [ns]` says so"
+            f"such as `timestamp [ns]` says so{_PX4 if unit == 'microseconds' else ''}"
         )
     steps_s = np.diff(t_s)
     if len(t_s) >= _MANY and np.median(steps_s) >= _MAX_INTERVAL_S:
         at = int(np.argmax(steps_s >= _MAX_INTERVAL_S)) + 1
+        _, short, unit = next(one for one in _STEP_UNITS if np.median(steps_s) >= one[0])
         raise TrajectoryError(
             f"{path}: line {lines[at]} is stamped {steps_s[at - 1]:.6g} s after the one before, and so is most of it; "
-            "expected seconds, poses less than 1 s apart. Are these milliseconds? A heading `time_ms` says so"
+            f"expected seconds, poses less than 1 s apart. Are these {unit}? A heading `time_{short}` says so"
+            f"{_PX4 if short == 'us' else ''}"
         )
     if len(t_s) >= _MANY and np.mean(steps_s == 0) > _MAX_EQUAL:
         at = int(np.argmax(steps_s == 0)) + 1

@@ -7,7 +7,7 @@ for its neighbour gives a trajectory that looks like one.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
@@ -64,8 +64,31 @@ _NOT_MEASURED: Final = re.compile(
 """Beside a pose there may be what was asked for, and how sure it is: neither is a place."""
 _OTHER_AXES: Final = frozenset({"ned", "frd", "nwu", "nue", "rdf", "ecef", "lla", "wgs84", "optical"})
 """Words of a heading that say that its axes are not East, North, Up."""
-_OTHER_TURN: Final = re.compile(r"(?:.*_)?(?:(?:q|quat|quaternion)_?(?:\d|[rijk])|r_?[xyzw])")
+_PX4_FIELDS: Final = frozenset(
+    {
+        "timestamp_sample",
+        "ref_timestamp",
+        "ref_lat",
+        "ref_lon",
+        "xy_valid",
+        "z_valid",
+        "v_xy_valid",
+        "z_deriv",
+        "delta_z",
+    }
+)
+_PX4_SHORT: Final = frozenset({"vx", "vy", "vz", "heading"})
+_PX4_TOPIC: Final = "vehicle_local_position"
+"""Of PX4, which calls its axes x, y, z and says nowhere in the file that they are North, East, Down."""
+_OTHER_TURN: Final = re.compile(
+    r"(?:.*_)?(?:(?:q|quat|quaternion|orientation|rotation|attitude)_?(?:\d|[rijk])|r_?[xyzw])"
+)
 """An attitude in one of several orders, or a rotation vector, or angles: nobody can tell."""
+_UNUSED_TURN: Final = re.compile(
+    r"(?:.*_)?(?:heading|hdg|course|azimuth|bearing|theta|psi|phi|roll|pitch|(?:rot|rvec|euler)_?[xyzw\d])"
+)
+"""About which axis or from where an angle counts, it does not say; roll and pitch are none without a yaw."""
+_INDEX: Final = re.compile(r"\[(\d+)\]")
 _SUFFIX: Final = re.compile(r"(.+)_(ns|us|ms|s|m|cm|mm|deg|rad)")
 
 
@@ -172,10 +195,11 @@ def columns_by_headings(path: str, texts: Sequence[str]) -> Columns:
     (time,) = found["t"] if "t" in found else found["sec"]
     nsec = found["nsec"][0].index if "sec" in found and "nsec" in found else None
     x, y, z = (found[axis][0] for axis in "xyz")
-    _refuse_other_axes(path, (x, y, z))
+    _refuse_other_axes(path, (x, y, z), {_heading(0, text).name for text in texts})
     angles = _angles(found, bool(quaternion))
     if not quaternion and angles is None:
         _refuse_other_turns(path, texts)
+        notes += _unused_turns(texts)
     turn = found["yaw"][0] if angles is not None else None
     place_scale = _scale(path, x, _LENGTH_UNITS)
     _check_one_unit(path, [found[axis][0] for axis in "xyz"])
@@ -214,8 +238,14 @@ def _check_one_unit(path: str, headings: Sequence[_Heading]) -> None:
             )
 
 
-def _refuse_other_axes(path: str, places: Sequence[_Heading]) -> None:
-    """Raises TrajectoryError for a place whose heading names axes that are not ours."""
+def _refuse_other_axes(path: str, places: Sequence[_Heading], names: Set[str]) -> None:
+    """Raises TrajectoryError for a place whose heading, or those beside it, `names`, tell axes that are not ours."""
+    plain = [place.name for place in places] == ["x", "y", "z"]
+    if any(_PX4_TOPIC in place.name for place in places) or (plain and (names & _PX4_FIELDS or names >= _PX4_SHORT)):
+        raise TrajectoryError(
+            f"{path}: headings {', '.join(place.text for place in places)} are PX4's {_PX4_TOPIC}, which is NED: "
+            "x North, y East, z down; turn it to columns east, north, up: its y, its x, and its z with the other sign"
+        )
     for place in places:
         named = next((word for word in place.name.split("_") if word in _OTHER_AXES), None)
         if named is not None:
@@ -230,6 +260,12 @@ def _refuse_other_turns(path: str, texts: Sequence[str]) -> None:
         raise TrajectoryError(
             f"{path}: headings {', '.join(others)} may be an attitude in any order; expected qx, qy, qz, qw"
         )
+
+
+def _unused_turns(texts: Sequence[str]) -> list[str]:
+    unused = [text.strip() for text in texts if _UNUSED_TURN.fullmatch(_heading(0, text).name)]
+    told = "no attitude that is read: expected qx, qy, qz, qw, or yaw counter-clockwise from x"
+    return [f"{', '.join(unused)} not used, {told}"] if unused else []
 
 
 def are_headings(texts: Sequence[str]) -> bool:
@@ -254,8 +290,9 @@ def _meanings(texts: Sequence[str]) -> dict[str, list[_Heading]]:
 def _heading(index: int, text: str) -> _Heading:
     """`#timestamp [ns]`, `x_mm`, `pose.position.x`: the name in words joined by underscores, and its unit."""
     plain = text.strip().strip("\"'")
-    unit = _UNIT.search(plain)
-    name = re.sub(r"[^a-z0-9]+", "_", _UNIT.sub("", plain).lower()).strip("_")
+    plain_name = _INDEX.sub(r"_\1", plain)  # of `q[0]`, what is in brackets is no unit
+    unit = _UNIT.search(plain_name)
+    name = re.sub(r"[^a-z0-9]+", "_", _UNIT.sub("", plain_name).lower()).strip("_")
     if unit is not None:
         return _Heading(index, plain, name, unit[1].strip().lower())
     suffixed = _SUFFIX.fullmatch(name)

@@ -26,7 +26,8 @@ def _of_steady(tmp_path: Path, scale_t: float, scale_m: float) -> TrajectoryFile
     ("scale_t", "scale_m", "named"),
     [
         (1.0, 110.0, "expected below 10, .*centimetres"), (1.0, 1000.0, "expected below 30, .*millimetres"),
-        (1 / 60, 0.1, "3000 poses a second"), (1000.0, 1.0, "milliseconds"),
+        (1 / 60, 0.1, "3000 poses a second"), (1000.0, 1.0, r"milliseconds\? A heading `time_ms` says so$"),
+        (1e6, 1.0, "microseconds. A heading `time_us` says so. PX4, .* z down"), (1e9, 1.0, "nanoseconds.*`time_ns`"),
     ],
 )  # fmt: skip
 def test_other_units_without_a_heading_are_no_robots(

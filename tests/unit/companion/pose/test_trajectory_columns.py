@@ -41,6 +41,12 @@ REFUSED = [
     ("txyz0", " ", "time [s] x y z speed\n", "line 2 has 5 columns, expected 6"),
     ("txyz", ",", "t,setpoint_position_x,setpoint_position_y,setpoint_position_z\n", "x, y, z missing in its headings"),
     ("txyz", ",", "t,target_position_x,target_position_y,target_position_z\n", "x, y, z missing in its headings"),
+    ("txyzdabc", ",", "t,x,y,z,q[0],q[1],q[2],q[3]\n", r"q\[0\], q\[1\], q\[2\], q\[3\] may be an attitude in any"),
+    ("txyzabcd", ",", "t,x,y,z,orientation[0],orientation[1],orientation[2],orientation[3]\n", "attitude in any order"),
+    ("tyxz0000", ",", "timestamp [us],x,y,z,vx,vy,vz,heading\n", "x, y, z are PX4's vehicle_local_position, .* NED"),
+    ("ttyxz", ",", "timestamp,timestamp_sample,x,y,z\n", "turn it to columns east, north, up"),
+    ("t0yxz", ",", "timestamp,xy_valid,x,y,z\n", "which is NED: x North, y East, z down"),
+    ("tyxz", ",", ",".join(["t", *(f"/fmu/out/vehicle_local_position/{a}" for a in "xyz")]) + "\n", "which is NED"),
     ("tyxz", ",", "t,ned_pos_x,ned_pos_y,ned_pos_z\n", "ned_pos_x says ned; expected x, y, z turned to East"),
     ("sxyz", ",", "sec,x,y,z\n", "has the stamp of the one before"),
     ("txyz00D", ",", "t,x,y,z,roll,pitch,yaw\n", "expected radians"),
@@ -65,6 +71,22 @@ def test_what_cannot_be_told_is_refused_by_name_and_by_flight_and_analysis_alike
 def test_what_was_asked_for_is_no_place_beside_what_was_measured(tmp_path: Path) -> None:
     head = ",".join(["t", *(f"setpoint_position_{a}" for a in "xyz"), *(f"position_{a}" for a in "xyz")])
     path = written(tmp_path, lambda row: numbers(row, "t000xyz"), head + "\n")
+    np.testing.assert_allclose(read_trajectory_file(path).p_m, [row[1:4] for row in ROWS], atol=1e-6)
+
+
+@pytest.mark.parametrize("head", ["heading", "theta [rad]", "pitch", "rvec_x"])
+def test_an_angle_that_is_not_read_is_said_unless_an_attitude_is(tmp_path: Path, head: str) -> None:
+    path = written(tmp_path, lambda row: numbers(row, "txyzY"), f"t,x,y,z,{head}\n")
+    found = read_trajectory_file(path)
+    assert found.q_wxyz is None
+    (note,) = found.notes
+    assert note.startswith(f"{path}: {head} not used") and "yaw counter-clockwise from x" in note
+    path = written(tmp_path, lambda row: numbers(row, "txyzabcdY"), f"t,x,y,z,qx,qy,qz,qw,{head}\n")
+    assert read_trajectory_file(path).notes == ()
+
+
+def test_what_was_turned_from_px4_is_taken_with_its_other_columns(tmp_path: Path) -> None:
+    path = written(tmp_path, lambda row: numbers(row, "tyxz0000"), "timestamp,north,east,up,vx,vy,vz,heading\n")
     np.testing.assert_allclose(read_trajectory_file(path).p_m, [row[1:4] for row in ROWS], atol=1e-6)
 
 
