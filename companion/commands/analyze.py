@@ -16,7 +16,6 @@ from companion.analysis.runs import Run
 from companion.analysis.summary import as_json, note_lines, problem_lines, summarise
 from companion.analysis.trajectories import PoseKind
 from companion.commands.channel_option import known_channel
-from companion.commands.given import refuse_given
 from companion.commands.moving_ends import moving_ends, with_moving_ends
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.recordings import chosen_runs, draw_profiles, lever_option, macs_by_name, run_options
@@ -89,8 +88,6 @@ def analyze(
     --rx, --tx and --traj. Prints azimuth (counter-clockwise from East) and elevation (above the horizon; where the
     path can tell it) of each transmitter and writes a picture of each profile. Exit code 1 when no bearing was found.
     """
-    if no_pictures:
-        refuse_given("--no-pictures", "out")
     kind = PoseKind(poses) if poses else None
     found = chosen_runs(runs, stamps, rx, tx, traj=traj, kind=kind)
     options = Options(kind=kind, channel=channel, lever_m=lever, estimator=estimator)

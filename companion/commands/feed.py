@@ -10,7 +10,6 @@ from typing import Final
 import click
 from rich.progress import Progress
 
-from companion.commands.given import refuse_given
 from companion.commands.numbers import Number
 from companion.commands.output_files import check_writable, write_json
 from companion.commands.terminal import Console, bar_columns
@@ -53,8 +52,6 @@ def feed(file: Path, rate: float, connector_idx: int, unix_path: Path | None, js
 
     Needs root for the connector; the service must be running already, with csi.require_kernel_sender: false.
     """
-    if unix_path is not None:
-        refuse_given("--unix", "connector_idx")
     check_writable(json_path)
     try:
         tape = read_tape(file)

@@ -13,7 +13,6 @@ from typing import Any
 import click
 from rich.table import Table
 
-from companion.commands.given import refuse_given
 from companion.commands.output_files import check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
 from companion.commands.terminal import Console, wide_console
@@ -74,11 +73,7 @@ def replay(
     """
     if is_check and config_path is not None:
         raise click.UsageError("--check asks for identity, --config for a difference: give one of them")
-    if not live_page:
-        refuse_given("a replay without --live-page", "port")
     session = open_session(log)
-    if session.metadata.get("role") == "recording":
-        refuse_given("an imported recording, whose bearings are made again at once", "speed")
     check_writable(json_path, out)
     if out is not None and any(path.resolve() == (out / _LOG_NAME).resolve() for path in session.paths):
         raise CompanionError(f"{out / _LOG_NAME}: is the log that is replayed; choose another folder with --out")

@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from companion.analysis.trajectories import PoseKind
-from companion.commands.given import refuse_given
 from companion.commands.output_files import PAGE, check_writable, write_json, writing
 from companion.commands.progress import tracked_bytes, working
 from companion.host.whole_file import write_whole
@@ -30,8 +29,6 @@ def report(path: Path, out: Path, poses: str | None, json_path: Path | None) -> 
     session = open_session(path)
     check_writable(out, kind=PAGE)
     check_writable(json_path)
-    if session.metadata.get("role") != "recording":
-        refuse_given("a flight's log, whose poses are those it flew by", "poses")
     with understood(path):
         if session.metadata.get("role") == "recording":
             page, numbers = _recording(session, PoseKind(poses) if poses else None)

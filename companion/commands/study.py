@@ -14,7 +14,6 @@ import click
 from rich.progress import MofNCompleteColumn, Progress
 from rich.table import Table
 
-from companion.commands.given import refuse_given
 from companion.commands.output_files import TEXT, check_writable, writing
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
@@ -90,8 +89,6 @@ def study(
     Trials are shared out to processes, here or on a Dask cluster; the numbers depend on the seed alone.
     """
     console = wide_console(_PIPE_COLUMNS)
-    if cluster is not None:
-        refuse_given("--cluster, whose workers are as many as it has", "jobs")
     # A study may take an hour: what would lose its results is said before.
     check_writable(json_path, out)
     check_writable(markdown, out, TEXT)

@@ -6,32 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.log_commands import FLIGHT, Run
+from tests.log_commands import Run
 
 
 @pytest.mark.parametrize(
-    ("mode", "words"),
-    [
-        *(
-            (("demo", "--recording", "run"), words)
-            for words in (("--json", "r.json"), ("--scene", "hall"), ("--gps",), ("--out", "o"), ("--max-time", "10"))
-        ),
-        (("report", FLIGHT), ("--poses", "t265")),
-        (("replay", FLIGHT), ("--port", "0")),
-        (("study", "crb", "--cluster", "local:1"), ("--jobs", "1")),
-        (("analyze", "run", "--no-pictures"), ("--out", "o")),
-        (("feed", "log.dat", "--unix", "s"), ("--connector-idx", "1")),
-    ],
+    "words", [("--json", "r.json"), ("--scene", "hall"), ("--gps",), ("--out", "o"), ("--max-time", "10")]
 )
 def test_what_would_be_ignored_is_refused(
-    companion: Run,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    mode: tuple[str | Path, ...],
-    words: tuple[str, ...],
+    companion: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, _, err = companion(*mode, *words)
+    code, _, err = companion("demo", "--recording", "run", *words)
     assert code == 2
     assert f"{words[0]} does not go together with" in err
     assert not any(tmp_path.iterdir())
