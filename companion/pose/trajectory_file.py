@@ -25,6 +25,7 @@ from companion.pose.trajectory_columns import (
     columns_by_headings,
     columns_by_layout,
 )
+from companion.pose.trajectory_rows import check_no_units, check_one_body, check_rows_once
 from csi_bridge.foreign import TEXT, foreign_format
 from csi_bridge.regular_file import open_regular
 
@@ -37,6 +38,10 @@ _MAX_BYTES: Final = 1 << 30
 _MAX_ANGLE_RAD: Final = 2 * math.pi + 0.01
 _EXPECTED_TEXT: Final = f"expected rows of a trajectory as text; {EXPECTED}"
 _FIRST_BYTES: Final = 4096
+_COMMENT: Final = re.compile(r"\s*(?:#|//)")
+_PERCENT: Final = re.compile(r"^\s*%\s+")
+_EXCEL: Final = re.compile(r"\"?sep=.\"?")
+"""A first line that tells Excel what separates, as the next one shows too."""
 _DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
@@ -132,7 +137,11 @@ def _lines(path: Path, notes: list[str]) -> list[str]:
 
 def _rows(path: str, lines: Sequence[str]) -> list[Row]:
     """What is neither blank nor a comment, in fields. Raises TrajectoryError."""
-    content = [(n, line) for n, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
+    content = [(n, line) for n, line in enumerate(lines, start=1) if line.strip() and not _COMMENT.match(line)]
+    if content and _EXCEL.fullmatch(content[0][1].strip()):
+        del content[0]
+    if content:  # MATLAB's mark before headings; `%time` of ROS is a name
+        content[0] = content[0][0], _PERCENT.sub("", content[0][1])
     separator = _separator(content[0][1]) if content else None
     rows = []
     for number, line in content:
@@ -145,7 +154,9 @@ def _rows(path: str, lines: Sequence[str]) -> list[Row]:
 
 def _separator(line: str) -> str | None:
     """None for blanks of any kind; a tab where headings have blanks of their own (`time [s]`)."""
-    marks = ";," if all(map(_is_number, line.split())) else ";,\t"
+    if len(words := line.split()) > 1 and all(map(_DECIMAL_COMMA.fullmatch, words)):
+        return None
+    marks = ";," if all(map(_is_number, words)) else ";,\t"
     return next((mark for mark in marks if mark in line), None)
 
 
@@ -166,6 +177,7 @@ def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) 
         raise TrajectoryError(f"{name}: line {line} has decimal commas; expected decimal points")
     if not any(map(_is_number, first)):
         columns, rows = columns_by_headings(name, _stripped(first)), rows[1:]
+        check_no_units(name, rows)
         if separator is None:  # a blank within a heading shifts all that follow
             columns = replace(columns, exact=True)
     elif (headings := _commented(lines[: line - 1], separator, width)) is not None:
@@ -173,6 +185,8 @@ def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) 
     else:
         _check_whole(f"{name}: line {line}", first[:width])
         columns = columns_by_layout(name, line, width, separator)
+    check_one_body(name, columns.names, rows)
+    check_rows_once(name, rows)
     found = list(_values(name, columns, rows))
     if columns.other_time is not None and not any(values[0] for _, values in found):
         columns = _by_other_time(name, columns)
@@ -183,8 +197,8 @@ def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) 
 
 def _commented(above: Sequence[str], separator: str | None, width: int) -> list[str] | None:
     """Headings in a comment above the rows: as many words as these have fields, a time and a place among them."""
-    for line in reversed([line.lstrip() for line in above if line.lstrip().startswith("#")]):
-        texts = _stripped(_fields(line.lstrip("#").strip(), separator))
+    for line in reversed([line.lstrip() for line in above if _COMMENT.match(line)]):
+        texts = _stripped(_fields(line.lstrip("#/").strip(), separator))
         if len(texts) == width and are_headings(texts):
             return texts
     return None
@@ -262,7 +276,8 @@ def _number(where: str, columns: Columns, fields: Sequence[str], at: int) -> flo
         return float(text)
     except ValueError:
         comma = "; expected a decimal point" if _DECIMAL_COMMA.fullmatch(text) else ""
-        raise TrajectoryError(f"{where} is no row of numbers: {name} is {text[:40]!r}{comma}") from None
+        date = "; expected seconds, no date or time of day" if at == columns.time and ":" in text else ""
+        raise TrajectoryError(f"{where} is no row of numbers: {name} is {text[:40]!r}{comma}{date}") from None
 
 
 def _from_angles(where: str, columns: Columns, fields: Sequence[str]) -> list[float]:
