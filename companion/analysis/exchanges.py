@@ -189,6 +189,8 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
     if len(i) == 0 and dropped[WIDE]:
         raise ExchangeError(f"{rx.path.name} and {tx.path.name}: every exchange has a half that is 40 MHz wide")
     if len(i) == 0:
+        _refuse_several_runs(rx, ours)
+        _refuse_several_runs(tx, theirs)
         why = "every frame counter is there twice" if len(ours) == dropped.get(DUPLICATE) else "not of the same run?"
         raise ExchangeError(f"{rx.path.name} and {tx.path.name} have no exchange in common: {why}")
     t_s = host_times_s(rx.timestamp_low_us, rx.host_time_s)[ours[i]]
@@ -216,6 +218,20 @@ def join(rx: CsiLog, tx: CsiLog, mac: str, reduced: bool = True) -> Exchanges:
         grid=on,
         half_turns=on is not None,
     )
+
+
+def _refuse_several_runs(log: CsiLog, link: Indices) -> None:
+    """Raises ExchangeError where counters begin again, as they do in logs of two runs that were joined end to end."""
+    counters = log.frame_count[link]
+    _, first, inverse = np.unique(counters, return_index=True, return_inverse=True)
+    repeated = first[inverse[1:]] < np.arange(1, len(link))
+    again = np.flatnonzero((np.diff(counters) < 0) & (counters[1:] >= 0) & repeated)
+    if len(again):
+        after = again[0] + 1
+        raise ExchangeError(
+            f"{log.path} holds more than one run, or one twice: the frame counters of {log.mac[link[after]]} begin "
+            f"again at {counters[after]} after {counters[after - 1]}; keep only the part of this run"
+        )
 
 
 def _common_grid(rx: CsiLog, tx: CsiLog) -> Grid | None:

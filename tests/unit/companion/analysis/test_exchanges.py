@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,6 +85,17 @@ def test_links_without_anything_in_common_say_why(run: RunFolder) -> None:
         join(replace(rx, rate=rx.rate | np.uint16(1 << 11)), tx, TX_MAC)
     with pytest.raises(ExchangeError, match="the card measured nothing"):
         join(replace(rx, csi=0 * rx.csi), tx, TX_MAC)
+
+
+def test_logs_of_two_runs_joined_end_to_end_are_said_to_be(run: RunFolder) -> None:
+    rx, tx = _both(run)
+    run.tx.write_bytes(2 * run.tx.read_bytes())
+    told = f"{run.tx} holds more than one run, or one twice: the frame counters of {RX_MAC} begin again at 1"
+    with pytest.raises(ExchangeError, match=re.escape(told)):
+        join(rx, read_log(run.tx), TX_MAC)
+    repeated = replace(rx, frame_count=np.repeat(rx.frame_count[::2], 2))
+    with pytest.raises(ExchangeError, match="every frame counter is there twice"):
+        join(repeated, tx, TX_MAC)
 
 
 def test_the_other_end_is_the_sender_that_its_own_log_lacks(run: RunFolder) -> None:

@@ -125,7 +125,7 @@ def test_dropped_packets_are_counted_by_reason(cli: Cli, run: RunFolder, tmp_pat
         ("no truth", "position", "give --channel"),
         ("trajectory far out", "rx_trajectory_", "1e+155 m away"),
         ("other run", f"csi_rx_{STAMP}.dat and csi_tx2_{STAMP}.dat", "are not of the same run"),
-        ("counters all twice", "csi_rx_", "every frame counter is there twice"),
+        ("counters all twice", "csi_rx_", "holds more than one run, or one twice"),
     ],
 )
 def test_bad_files_each_give_one_clear_line(cli: Cli, run: RunFolder, what: str, names: str, reason: str) -> None:
