@@ -38,6 +38,7 @@ def check_one_body(path: str, names: Sequence[str], rows: Sequence[Row]) -> None
 
 def check_rows_once(path: str, rows: Sequence[Row]) -> None:
     """Raises TrajectoryError where most rows are there twice: each beside itself, or all of them again."""
+    rows = [row for row in rows if "nan" not in "".join(row[1]).lower()]  # those of a lost body may be all alike
     if len(rows) < 2:
         return
     again = [at for at in range(1, len(rows)) if rows[at][1] == rows[at - 1][1]]

@@ -61,6 +61,13 @@ def test_rows_that_are_there_twice_are_said_to_be(tmp_path: Path) -> None:
     assert "from line 31 on all rows are there again; expected each once" in _refusal(path)
 
 
+def test_rows_of_nan_are_not_each_other_again(tmp_path: Path) -> None:
+    path = written(tmp_path, lambda row: numbers(row, "txyzabcd", " ") + "\nnan" + " nan" * 7)
+    same(read_trajectory_file(path), True)
+    path = written(tmp_path, lambda _: "nan" + " nan" * 7)
+    assert "no finite poses" in _refusal(path)
+
+
 @pytest.mark.parametrize("units", ["s,mm,mm,mm", "[s],[m],[m],[m]", "sec,m,m,-"])
 def test_a_row_of_units_belongs_into_the_headings(tmp_path: Path, units: str) -> None:
     told = _refusal(written(tmp_path, lambda row: numbers(row, "tXWZ"), f"t,x,y,z\n{units}\n"))
