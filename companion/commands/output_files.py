@@ -27,6 +27,8 @@ _LOOK_BYTES: Final = 4096
 def check_writable(file: Path | None, folder: Path | None = None, kind: str = JSON) -> None:
     """Raises CompanionError now rather than after minutes of work. A file that is there stays as it is, and must be of
     the `kind` that will take its place; a folder that is not there is made."""
+    if file == Path("-"):
+        raise CompanionError("-: would be a file of this name; expected another (/dev/stdout for standard output)")
     if file is not None:
         with writing(file):
             _refuse_another_kind(file, kind)

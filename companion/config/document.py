@@ -36,6 +36,8 @@ _REFUSED: Final = (
 )  # fmt: skip
 """What of plain scalars means something else to YAML than it says."""
 _ODD: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff\ud800-\udfff]")
+_UNSEEN: Final = re.compile("[\u00a0\u00ad\u200b-\u200f\u202a-\u202e\u2060-\u2064\ufeff]")
+"""Nobody sees them: a key or a path with one is another than it looks. A comment may have them."""
 _LINE_END: Final = re.compile("\r\n|\r|\n")
 
 
@@ -109,6 +111,11 @@ class _Builder:
             self._levels.pop()
         elif isinstance(event, yaml.ScalarEvent):
             self._check(event)
+            unseen = _UNSEEN.search(event.value)
+            if unseen is not None:
+                self._refuse(
+                    event, f"character U+{ord(unseen[0]):04X}, which looks like a space or nothing; take it out"
+                )
             is_key = bool(self._levels) and self._is_at_key(self._levels[-1])
             self._add(event.value if is_key else self._value(event), event)
 

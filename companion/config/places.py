@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Final
 
 from companion.config.schema import Config
 
 LONGEST_LEVER_M: Final = 2.0
+_VARIABLE: Final = re.compile(r"\$\{?[A-Za-z_]")
 
 
 def path_errors(config: Config) -> Iterator[str]:
@@ -15,6 +17,8 @@ def path_errors(config: Config) -> Iterator[str]:
     for key, path in _paths(config):
         if path.startswith("~"):
             yield f"{key}: {path}: ~ is not expanded, the service runs as another user; expected an absolute path"
+        elif _VARIABLE.search(path):
+            yield f"{key}: {path}: variables such as $HOME are not put in; expected an absolute path"
         elif not path or "\0" in path:
             yield f"{key}: {path!r}; expected a path"
     if config.recorder.path.endswith(("/", "/.", "/..")):
@@ -48,6 +52,10 @@ def _paths(config: Config) -> Iterator[tuple[str, str]]:
         yield "foxglove.token_file", config.foxglove.token_file
     if config.page.token_file is not None:
         yield "page.token_file", config.page.token_file
+    for key in ("ca_file", "cert_file", "key_file"):
+        path = getattr(config.tak, key)
+        if path is not None:
+            yield f"tak.{key}", path
     for index, peer in enumerate(config.peers):
         yield f"peers[{index}].key_file", peer.key_file
         if peer.next_key_file is not None:

@@ -13,13 +13,14 @@ from typing import Final
 
 from companion.config.motions import MIN_VIO_HZ, range_errors, rate_errors, speed_errors
 from companion.config.places import lever_errors, path_errors
-from companion.config.schema import Config
+from companion.config.schema import IPV4, Config
 from wsr.channel import WIDTHS_MHZ, wide_channel
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"
-_URL: Final = re.compile(rf"^((udpin|udpout|tcpin|tcpout)://[^:/]+:{_PORT}|serial://[^:]+:[1-9]\d{{2,7}})$")
-_BOUND_NAME: Final = re.compile(rf"^(udpin|tcpin)://((?!\d+\.\d+\.\d+\.\d+:)[^:/]+):{_PORT}$")
-_IPV4: Final = re.compile(r"^(\d{1,3}\.){3}\d{1,3}$")
+_URL: Final = re.compile(rf"(udpin|udpout|tcpin|tcpout)://[^:/\s]+:{_PORT}|serial://[^:\s]+:[1-9]\d{{2,7}}")
+_BOUND_NAME: Final = re.compile(rf"(udpin|tcpin)://((?![\d.]+:)[^:/]+):{_PORT}")
+_NUMBERS: Final = re.compile(r"\w+://([\d.]+):\d+")
+_IPV4: Final = re.compile(IPV4)
 _POSES_PER_DATAGRAM: Final = 25
 _TAGS: Final = {"tag36h11": 587, "tag25h9": 35}
 """Codes of a family."""
@@ -140,16 +141,22 @@ def _fence_and_weave(config: Config) -> Iterator[str]:
 
 
 def _url(config: Config) -> Iterator[str]:
-    if config.autopilot is not None and (named := _BOUND_NAME.match(config.autopilot.url)):
+    if config.autopilot is not None and (named := _BOUND_NAME.fullmatch(config.autopilot.url)):
         yield (
             f"autopilot.url: {config.autopilot.url!r}: the library binds no names such as {named[2]!r}; expected an "
             f"address of this host, for example {named[1]}://0.0.0.0:14540"
         )
-    elif config.autopilot is not None and not _URL.match(config.autopilot.url):
+    elif config.autopilot is not None and not _URL.fullmatch(config.autopilot.url):
         yield (
             f"autopilot.url: {config.autopilot.url!r}; expected udpin://HOST:PORT, udpout://HOST:PORT, "
             "tcpout://HOST:PORT or serial:///dev/NAME:BAUD, with a port of 1..65535"
         )
+    elif (
+        config.autopilot is not None
+        and (numbers := _NUMBERS.fullmatch(config.autopilot.url))
+        and not _IPV4.fullmatch(numbers[1])
+    ):
+        yield f"autopilot.url: {config.autopilot.url!r}: {numbers[1]} is no address; expected four numbers of 0..255"
 
 
 def _recorder(config: Config) -> Iterator[str]:
@@ -173,7 +180,7 @@ def _tak(config: Config) -> Iterator[str]:
         return
     if config.autopilot is None or not config.autopilot.gps:
         yield "tak.enabled: needs a vehicle that knows where on Earth it is (autopilot.gps); expected false"
-    if tak.transport == "udp" and not _IPV4.match(tak.address):
+    if tak.transport == "udp" and not _IPV4.fullmatch(tak.address):
         yield f"tak.address: {tak.address!r}; transport udp needs an address such as 239.2.3.1"
     if tak.transport == "tls":
         if not _is_host(tak.address):

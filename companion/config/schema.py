@@ -20,19 +20,23 @@ CHECK = "check"
 """Key of `Meta.extra`: a function that raises ValueError for a value the type permits and the field does not."""
 WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
+_END = r"$(?!\n)"
+"""Of a text: before a line end, which may be there behind the last line, `$` alone is one too."""
 Mac = Annotated[
     str,
     Meta(
-        pattern=r"^([0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2}$",
+        pattern=rf"^([0-9A-Fa-f]{{2}}:){{5}}[0-9A-Fa-f]{{2}}{_END}",
         description="six pairs of hexadecimal digits with colons between them, for example 00:21:6A:3F:17:5A",
     ),
 ]
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
 _OCTET = r"(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
+IPV4 = rf"({_OCTET}\.){{3}}{_OCTET}"
+"""Of a pattern."""
 Ipv4 = Annotated[
     str,
     Meta(
-        pattern=rf"^({_OCTET}\.){{3}}{_OCTET}$",
+        pattern=rf"^{IPV4}{_END}",
         description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
     ),
 ]
@@ -225,7 +229,10 @@ class MissionConfig:
     vertical_weave_m: Annotated[float, Meta(ge=0, le=5)] = 0.1
     target: RobotId | None = None
     """Id of the peer to fly to; the first of `peers` when absent."""
-    min_battery: Fraction = 0.2
+    min_battery: Annotated[
+        float,
+        Meta(ge=0.05, le=1, description="a share of charge of 0.05 to 1, for example 0.2; less would turn it off"),
+    ] = 0.2
     """Below this share of charge the vehicle lands."""
     limit_s: Annotated[float, Meta(ge=1, le=86400)] = 900.0
     """Longest approach, after which the vehicle lands."""

@@ -49,6 +49,13 @@ def test_a_result_takes_the_place_of_the_one_before(tmp_path: Path, kind: str, c
     check_writable(Path("/dev/null"), kind=kind)
 
 
+def test_a_dash_makes_no_file_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CompanionError, match="/dev/stdout"):
+        check_writable(Path("-"))
+    assert not any(tmp_path.iterdir())
+
+
 def test_an_empty_file_is_a_name_somebody_chose(tmp_path: Path) -> None:
     (tmp_path / "result").touch()
     check_writable(tmp_path / "result")

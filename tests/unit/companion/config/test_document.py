@@ -65,6 +65,9 @@ def test_field_cases_are_refused_with_file_and_key(path: Path) -> None:
             "F: line 2: character U+2028, at which YAML begins a new line and an editor does not",
         ),
         ("a: 1\r\n# b\x85c: 2\n", "F: line 2: character U+0085, at which YAML begins a new line"),
+        ("a: 1\n\ufeffb: 2\n", "F: line 2: character U+FEFF, which looks like a space or nothing"),
+        ("a:\n  b: x\u00a0y\n", "F: line 2: a.b: character U+00A0"),
+        ('a: "x\u200b"\n', "F: line 1: a: character U+200B"),
         ("\n".join(f"a: {i}" for i in range(1000)), "F: 999 errors"),
     ],
 )
@@ -75,7 +78,7 @@ def test_what_yaml_reads_otherwise_is_refused(text: str, expected: str) -> None:
 
 def test_what_is_plain_is_read() -> None:
     text = (
-        'a: 1\nb: -0.5\nc: 1e-3\nd: yes\ne: off\nf: ~\ng:\nh: "010"\ni: 00:21:06:03:17:05\nj: 0\nk: .5\n'
+        'a: 1 # 5\u00a0m\nb: -0.5\nc: 1e-3\nd: yes\ne: off\nf: ~\ng:\nh: "010"\ni: 00:21:06:03:17:05\nj: 0\nk: .5\n'
         "l: [x, 1.5]\nm: 127.0.0.1\nn: .inf\no: serial:///dev/ttyS1:921600\np: '1:30'\nq:\n- ~\n"
     )
     assert read_document(text, "F") == {

@@ -26,6 +26,9 @@ def test_what_is_shipped_has_no_errors() -> None:
     ("config", "error"),
     [
         (replace(UAV, state_dir="~/state"), "state_dir: ~/state: ~ is not expanded"),
+        (replace(UAV, state_dir="$HOME/state"), "state_dir: $HOME/state: variables such as $HOME are not put in"),
+        (replace(UAV, state_dir="/x/${USER}"), "state_dir: /x/${USER}: variables"),
+        (replace(UAV, tak=replace(UAV.tak, ca_file="~/ca.pem")), "tak.ca_file: ~/ca.pem: ~ is not expanded"),
         (replace(UAV, control_socket=""), "control_socket: ''; expected a path"),
         (replace(UAV, status_socket="a\0b"), r"status_socket: 'a\x00b'; expected a path"),
         (replace(UAV, recorder=replace(UAV.recorder, path="logs/")), "recorder.path: logs/: a folder; expected a file"),

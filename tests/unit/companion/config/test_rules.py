@@ -70,6 +70,11 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
             "autopilot.url: 'udpin://localhost:14540': the library binds no names such as 'localhost'; expected an "
             "address of this host, for example udpin://0.0.0.0:14540",
         ),
+        *(
+            (changed("autopilot", url=f"udpin://{host}:14540"), f"autopilot.url: 'udpin://{host}:14540': {host} is no")
+            for host in ("300.0.0.1", "0.0.0", "010.0.0.1")
+        ),
+        (changed("autopilot", url="udpin://0.0.0.0:14540\n"), "autopilot.url: 'udpin://0.0.0.0:14540\\n'; expected"),
         (changed("autopilot", url="serial:///dev/ttyS1:0"), "autopilot.url: 'serial:///dev/ttyS1:0'"),
         (changed("neighbours", broadcast="0.0.0.0"), "neighbours.broadcast: 0.0.0.0 leaves no host"),
         (replace(UAV, name="a\x1b[31m"), r"name: 'a\x1b[31m'; expected letters that can be printed, no /"),
