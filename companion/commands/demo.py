@@ -16,7 +16,7 @@ from companion.commands.output_files import PICTURE, check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
 from companion.sensing.worker_process import compile_kernel, is_compiled
-from companion.sim.demo import DemoRun, run_demo
+from companion.sim.demo import DemoRun, refuse_flown, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
 from companion.sim.sample import write_sample
 from companion.sim.scenes import SCENES
@@ -75,6 +75,7 @@ def demo(
         return
     check_writable(json_path, out)
     check_writable(out / "flight.png", kind=PICTURE)
+    refuse_flown(out)
     if json_path is not None and json_path.is_file():
         json_path.unlink()  # the result of an earlier run must not pass for one of this
     console = wide_console(_PIPE_WIDTH)

@@ -23,7 +23,7 @@ from companion.log.parts import parts_beside
 from companion.log.truth import TRUTH_NAME, Truth, write_truth
 from companion.sim import truth
 from companion.sim.operator import engage
-from companion.sim.stage import Card, Cast, Stage, set_stage
+from companion.sim.stage import WORLD, Card, Cast, Stage, set_stage
 from companion.sim.truth import WorldTruth
 
 RENDEZVOUS_M: Final = 2.0
@@ -62,6 +62,18 @@ class DemoRun:
     stage: Stage
 
 
+def refuse_flown(out: Path) -> None:
+    """Raises CompanionError where the logs in `out`, which a run deletes, are of no demo: the world's own words are
+    beside those that are."""
+    logs = _logs_in(out)
+    if logs and not (out / f"{WORLD}.txt").is_file():
+        raise CompanionError(f"{logs[0]}: is there already, and of no demo; choose another folder with --out")
+
+
+def _logs_in(out: Path) -> list[Path]:
+    return [path for name in _LOGS for path in parts_beside(out / name)]
+
+
 async def run_demo(
     seed: int,
     out: Path,
@@ -77,8 +89,7 @@ async def run_demo(
 
     Raises CompanionError when the cast cannot start or one of it ends early.
     """
-    logs = (path for name in _LOGS for path in parts_beside(out / name))
-    for old in (*logs, *(out / name for name in _PICTURES)):
+    for old in (*_logs_in(out), *(out / name for name in _PICTURES)):
         old.unlink(missing_ok=True)  # of an earlier run: a picture of it must not pass for one of this
     with tempfile.TemporaryDirectory(prefix="companion-") as name:
         stage = set_stage(Path(name), out, seed, gps=gps, scene=scene, card=card)

@@ -27,6 +27,8 @@ from companion.sim.scenes import drives, fence_in, set_in
 from csi_bridge.feitcsi.netlink import vendor_events_available
 from csi_bridge.netlink import connector_available
 
+WORLD: Final = "world"
+"""The process that comes first; what it says is in WORLD.txt."""
 _STOP_S: Final = 5.0
 _PX4_PARAMETERS: Final = ("COM_OBL_RC_ACT=5", "COM_RC_OVERRIDE=3", "RTL_RETURN_ALT=2")
 """What the preflight requires; PX4's own defaults are others. The lowest ceiling of the scenes is at 3.5 m."""
@@ -163,7 +165,7 @@ class Cast:
     async def _enter(self) -> Cast:
         stage = self._stage
         directory = stage.directory
-        await self._start("world", "companion.sim.world", "--scenario", directory / "scenario.json")
+        await self._start(WORLD, "companion.sim.world", "--scenario", directory / "scenario.json")
         if self._has_mock:
             await self._start_mock()
         await self._start("beacon", "companion", "run", "--config", directory / "beacon.yaml")
@@ -187,7 +189,7 @@ class Cast:
 
     async def __aexit__(self, *_: object) -> None:
         # The services go first, so that the vehicle is left in Hold while its autopilot is still there to take it.
-        for names in (("uav", "beacon"), ("px4", "world")):
+        for names in (("uav", "beacon"), ("px4", WORLD)):
             await asyncio.gather(*(self._stop(name) for name in names if name in self._processes))
 
     def pid(self, name: str) -> int:
@@ -203,7 +205,7 @@ class Cast:
 
     async def _start(self, name: str, module: str, *arguments: object) -> None:
         # The simulated hardware is niced: on a vehicle it takes no time from the service either.
-        nice = ("nice", "-n", "5") if name in ("world", "px4") else ()
+        nice = ("nice", "-n", "5") if name in (WORLD, "px4") else ()
         with (self._out / f"{name}.txt").open("ab") as log:
             self._processes[name] = await asyncio.create_subprocess_exec(
                 *nice, sys.executable, "-m", module, *map(str, arguments),

@@ -15,6 +15,7 @@ import pytest
 from companion.commands.demo import demo
 from companion.errors import CompanionError
 from companion.sim import truth
+from companion.sim.demo import refuse_flown
 from companion.sim.stage import Stage
 from tests.control_socket import serving
 from tests.paths import ROOT
@@ -82,3 +83,13 @@ def test_a_time_limit_ends_it_without_success(
     said = capsys.readouterr().out
     assert "NOT reached: no rendezvous within 1 s" in said
     assert (tmp_path / "flight.png").exists() and (tmp_path / "log.mcap").exists()
+
+
+@pytest.mark.parametrize("name", ["log.mcap", "log.3.mcap", "beacon.mcap", "truth.mcap"])
+def test_a_log_of_no_demo_is_not_deleted(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("flown")
+    with pytest.raises(CompanionError, match=f"{name}: is there already, and of no demo"):
+        demo.main(["--out", str(tmp_path), "--json", str(tmp_path / "r.json")], standalone_mode=False)
+    assert (tmp_path / name).read_text() == "flown"
+    (tmp_path / "world.txt").touch()
+    refuse_flown(tmp_path)
