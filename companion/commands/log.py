@@ -18,7 +18,7 @@ from companion.commands.terminal import Console, wide_console
 from companion.core.messages import Vector3
 from companion.errors import CompanionError, escaped
 from companion.log.info import LogInfo, inspect
-from companion.log.reader import joined_line
+from companion.log.reader import EMPTY, joined_line
 
 _file = click.Path(path_type=Path, readable=False)
 _WIDTH = 120
@@ -163,7 +163,9 @@ def import_(
 def _show(one: LogInfo, console: Console) -> None:
     broken = f"DAMAGED at {one.damaged} places" if one.damaged else "CUT OFF"
     state = "whole" if one.is_whole else f"{broken} (companion log repair saves what can be read)"
-    if one.another_at is not None:
+    if one.size_bytes == 0:
+        state = EMPTY
+    elif one.another_at is not None:
         state = joined_line(one.another_at)
     meta = one.metadata
     console.print(f"{one.path}: {one.size_bytes / 1e6:.2f} MB, {one.duration_s:.1f} s, {state}", highlight=False)

@@ -30,6 +30,8 @@ from csi_bridge.regular_file import open_regular
 _FIRST_BYTES: Final = 4096
 _LINE_ENDS_CHANGED: Final = (MCAP0_MAGIC[:-2] + b"\r\r", MCAP0_MAGIC[:-2] + b"\n")
 """Beginnings of a log in which each end of a line became \\r\\n or \\r, or each \\r\\n became \\n."""
+EMPTY: Final = "empty; nothing was written to it"
+"""What is wrong with a log of no bytes. It can be read, as the part that a recorder had just begun when it died."""
 _NO_SCHEMA: Final = ("", "", b"")
 Progress = Callable[[int, int], None]
 """Called with the bytes read and the bytes there are."""
@@ -88,7 +90,7 @@ class LogScan:
             with open_regular(self.path) as file:
                 self.size_bytes = self.path.stat().st_size
                 magic = file.read(MAGIC_BYTES)
-                _refuse_unreadable(self.path, magic)
+                _refuse_changed_ends(self.path, magic)
                 records = RecordScan(file, self._past_damage)
                 yield from self._messages(records, file)
                 self.is_whole, self.damaged = records.is_whole, records.damaged
@@ -310,7 +312,9 @@ def _why_no_log(path: Path) -> str:
     """Why a file without our metadata has none."""
     with open_regular(path) as file:
         magic = file.read(MAGIC_BYTES)
-        _refuse_unreadable(path, magic)
+        if not magic:
+            return EMPTY
+        _refuse_changed_ends(path, magic)
         scan = RecordScan(file)
         is_own = any(isinstance(record, Header) and record.library == LIBRARY for record in scan)
         if magic != MCAP0_MAGIC[: len(magic)] and not scan.chunks:
@@ -320,10 +324,8 @@ def _why_no_log(path: Path) -> str:
     return f"no log of this program (it has no metadata {METADATA!r})"
 
 
-def _refuse_unreadable(path: Path, magic: bytes) -> None:
+def _refuse_changed_ends(path: Path, magic: bytes) -> None:
     """Raises CompanionError for a file of which no repair saves anything."""
-    if not magic:
-        raise CompanionError(f"{path}: empty; nothing was written to it")
     if magic.startswith(_LINE_ENDS_CHANGED):
         raise CompanionError(f"{path}: a transfer in text mode changed its line ends; copy it again, in binary mode")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.errors import CompanionError
-from companion.log.reader import LoggedMessage, LogScan, Progress, is_foreign_log, metadata_of, refuse_joined
+from companion.log.reader import EMPTY, LoggedMessage, LogScan, Progress, is_foreign_log, metadata_of, refuse_joined
 from companion.log.writer import METADATA, LogWriter
 
 
@@ -44,7 +44,8 @@ def repair(source: Path, target: Path, progress: Progress | None = None) -> Repa
             count += 1
         refuse_joined(scan)
         if not count and METADATA not in metadata:
-            raise CompanionError(f"{source}: nothing could be saved: neither a message nor its configuration is there")
+            why = "neither a message nor its configuration is there" if scan.size_bytes else EMPTY
+            raise CompanionError(f"{source}: nothing could be saved: {why}")
     return Repair(
         messages=count,
         was_whole=scan.is_whole,
