@@ -11,9 +11,10 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from companion.config.addresses import IPV4
 from companion.config.motions import MIN_VIO_HZ, range_errors, rate_errors, speed_errors
 from companion.config.places import lever_errors, path_errors
-from companion.config.schema import IPV4, Config
+from companion.config.schema import Config
 from wsr.channel import WIDTHS_MHZ, wide_channel
 
 _PORT = r"(6553[0-5]|655[0-2]\d|65[0-4]\d\d|6[0-4]\d{3}|[1-5]\d{4}|[1-9]\d{0,3})"

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from companion.config.addresses import Ipv4, Mac
 from companion.config.tag_camera import TagCameraConfig
 from wsr.channel import channel_frequency_hz
 
@@ -20,26 +21,7 @@ CHECK = "check"
 """Key of `Meta.extra`: a function that raises ValueError for a value the type permits and the field does not."""
 WifiChannel = Annotated[int, Meta(extra={CHECK: channel_frequency_hz})]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
-_END = r"$(?!\n)"
-"""Of a text: before a line end, which may be there behind the last line, `$` alone is one too."""
-Mac = Annotated[
-    str,
-    Meta(
-        pattern=rf"^([0-9A-Fa-f]{{2}}:){{5}}[0-9A-Fa-f]{{2}}{_END}",
-        description="six pairs of hexadecimal digits with colons between them, for example 00:21:6A:3F:17:5A",
-    ),
-]
 RobotId = Annotated[int, Meta(ge=1, le=65535)]
-_OCTET = r"(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)"
-IPV4 = rf"({_OCTET}\.){{3}}{_OCTET}"
-"""Of a pattern."""
-Ipv4 = Annotated[
-    str,
-    Meta(
-        pattern=rf"^{IPV4}{_END}",
-        description="four numbers of 0 to 255 without a leading 0, for example 192.168.1.255",
-    ),
-]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
 Metres = Annotated[float, Meta(ge=-10000, le=10000)]
