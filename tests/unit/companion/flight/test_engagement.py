@@ -189,6 +189,9 @@ async def test_what_a_return_climbs_by_is_read_anew() -> None:
     assert high.startswith("parameter RTL_RETURN_ALT is 30; wanted below gate.fence_max_m")
     del ground.autopilot.parameters["GF_MAX_VER_DIST"]
     assert len(await ground.engagement.return_problems()) == 2
+    rover = _Ground(replace(_CONFIG, mission=replace(_CONFIG.mission, vehicle="rover")))
+    rover.autopilot.parameters.clear()
+    assert await rover.engagement.return_problems() == [], "it returns along the ground"
 
 
 async def test_a_parameter_that_is_wrong_or_was_not_read_is_named_and_nothing_is_remembered() -> None:
