@@ -37,6 +37,7 @@ def test_what_is_not_wanted_is_masked(place: tuple[float, float, float] | None, 
     assert (fields["vx"], fields["vy"], fields["vz"]) == (0.2, 0.1, -0.3), "East, North, Up as North, East, Down"
     assert (fields["x"], fields["y"], fields["z"]) == ((0.0, 0.0, 0.0) if place is None else (2.0, 1.0, -3.0))
     assert fields["yaw"] == pytest.approx(0.0 if yaw_rad is None else math.pi / 3), "clockwise from North"
+    assert {fields[name] for name in ("afx", "afy", "afz", "yaw_rate")} == {0.0}, "beside being masked"
     message = mavlink.MAVLink_set_position_target_local_ned_message(target_system=1, target_component=1, **fields)
     assert message.type_mask == fields["type_mask"]
 
