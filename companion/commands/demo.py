@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from companion.commands.demo_view import LiveTable, rows_table, summary_lines
-from companion.commands.given import refuse_given
 from companion.commands.numbers import Number
 from companion.commands.output_files import PICTURE, check_writable, write_json
 from companion.commands.terminal import Console, wide_console
@@ -67,7 +67,7 @@ def demo(
     Exit code 0 only when the drone came within 2 m of the robot.
     """
     if recording is not None:
-        refuse_given("--recording, which flies nothing", "max_time", "out", "scene", "gps", "json_path")
+        _refuse_of_a_flight("max_time", "out", "scene", "gps", "json_path")
         azimuth_deg, elevation_deg = write_sample(recording, seed, 80 if card == "ax210" else None)
         where = f"azimuth {azimuth_deg:.1f}, elevation {elevation_deg:.1f} deg"
         click.echo(f"{recording}: the transmitter tx2 is at {where}")
@@ -137,3 +137,12 @@ def _transport(run: DemoRun) -> str:
     if run.stage.transport == "nl80211":
         return "vendor events over the kernel's generic netlink"
     return f"a Unix datagram socket, because {run.stage.transport_reason}"
+
+
+def _refuse_of_a_flight(*names: str) -> None:
+    """Raises UsageError for the first of the parameters `names` that stands on the command line beside --recording."""
+    context = click.get_current_context()
+    options = {parameter.name: parameter.opts[-1] for parameter in context.command.params}
+    for name in names:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{options[name]} does not go together with --recording, which flies nothing")

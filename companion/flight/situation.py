@@ -39,6 +39,8 @@ class Situations:
     def see(self, vehicle: VehicleState) -> None:
         taking_off = self._course.state is State.TAKING_OFF
         self._took_off |= taking_off and (vehicle.in_air or vehicle.mode is FlightMode.TAKEOFF)
+        if vehicle.battery_remaining is not None and not vehicle.batteries_unknown:
+            self._battery_known_ns = vehicle.t_mono_ns
 
     def note_sent(self, t_ns: int) -> None:
         """A set point has gone out."""
@@ -66,11 +68,6 @@ class Situations:
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             slept_s=slept_s,
-            battery_unknown_s=self._battery_unknown_s(vehicle, now_ns),
+            battery_unknown_s=(now_ns - self._battery_known_ns) / NS_PER_S,
             target_near=p_m is not None and knowledge.is_near(p_m),
         )
-
-    def _battery_unknown_s(self, vehicle: VehicleState, now_ns: int) -> float:
-        if vehicle.battery_remaining is not None and not vehicle.batteries_unknown:
-            self._battery_known_ns = now_ns
-        return (now_ns - self._battery_known_ns) / NS_PER_S

@@ -164,7 +164,7 @@ def test_another_programs_file_is_named(tmp_path: Path, content: bytes, named: s
 def test_a_repair_that_saves_nothing_fails_and_leaves_nothing(tmp_path: Path, content: bytes) -> None:
     path, target = tmp_path / "log.mcap", tmp_path / "saved.mcap"
     path.write_bytes(content)
-    with pytest.raises(CompanionError, match=r"nothing (could be saved|was written)"):
+    with pytest.raises(CompanionError, match="nothing could be saved"):
         repair(path, target)
     assert not target.exists()
 

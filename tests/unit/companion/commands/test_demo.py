@@ -1,4 +1,4 @@
-"""An option that a command would have to ignore is refused by its name."""
+"""What a demo that flies nothing has no use for is refused by its name."""
 
 from __future__ import annotations
 
