@@ -36,6 +36,8 @@ class VirtualVehicle:
         self.sent: list[str] = []
         self.poses: float | None = None
         """How old our poses are when they are sent [s]; None for none."""
+        self.watches = True
+        """Whether the edge looks after its telemetry by itself, as it does in `MavsdkAutopilot.watch`."""
         self._pose_s = 1 / 30
         self._delay_s = delay_s
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=191)
@@ -55,7 +57,7 @@ class VirtualVehicle:
     def state(self) -> VehicleState:
         return self.edge.state()
 
-    def send(self, name: str, **fields: Any) -> None:
+    def send(self, name: str, /, **fields: Any) -> None:
         self.sent.append(name)
         filled = {key: _filled(value) for key, value in fields.items()}
         message = getattr(mavlink, f"MAVLink_{name.lower()}_message")(**filled)
@@ -72,7 +74,7 @@ class VirtualVehicle:
             self.clock.advance(_STEP_S)
             self._deliver(self.px4.step(self.clock.now_ns()))
             watch_s, pose_s = watch_s + _STEP_S, pose_s + _STEP_S
-            if watch_s >= _WATCH_S:
+            if self.watches and watch_s >= _WATCH_S:
                 watch_s = 0.0
                 self.edge._ask_again()
             if self.poses is not None and pose_s >= self._pose_s:
