@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import os
 import struct
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -161,7 +162,9 @@ def _library(name: str, bag: Path) -> ModuleType:
 
 def _errors(highlevel: ModuleType) -> tuple[type[Exception], ...]:
     """Of the library, its storages and its compression."""
-    zstd, apsw = importlib.import_module("backports.zstd"), importlib.import_module("apsw")
+    # The standard library has it since 3.14; before, rosbags brings one along.
+    zstd = importlib.import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+    apsw = importlib.import_module("apsw")
     rosbag2, typesys = importlib.import_module("rosbags.rosbag2"), importlib.import_module("rosbags.typesys")
     own = highlevel.AnyReaderError, rosbag2.ReaderError, typesys.TypesysError
     return *_DAMAGED, *own, zstd.ZstdError, apsw.Error
