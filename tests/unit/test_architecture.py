@@ -116,14 +116,16 @@ def test_the_camera_reader_imports_where_nothing_is_installed() -> None:
 
 
 def test_tests_stand_where_the_name_of_their_module_leads() -> None:
-    """tests/unit/<room>/test_<name>.py holds the tests of <room>/<name>.py, or of the package <room>/<name>."""
+    """tests/unit/<room>/test_<name>.py holds the tests of <room>/<name>.py, or of the package <room>/<name>; where
+    there are too many, test_<name>_<of what>.py some of them."""
     unit = ROOT / "tests" / "unit"
     files = {path.relative_to(unit).as_posix(): path for path in unit.rglob("test_*.py") if path.parent != unit}
     assert files.keys() >= _OF_NO_MODULE
     strays = []
     for name in files.keys() - _OF_NO_MODULE:
-        module = ROOT / name.replace("test_", "", 1)
-        if not module.is_file() and not module.with_suffix("").joinpath("__init__.py").is_file():
+        words = (ROOT / name).stem.split("_")[1:]
+        modules = [(ROOT / name).parent / "_".join(words[:many]) for many in range(1, len(words) + 1)]
+        if not any(one.with_suffix(".py").is_file() or (one / "__init__.py").is_file() for one in modules):
             strays.append(name)
     assert not strays, f"{', '.join(sorted(strays))}: there is no such module; its tests belong to those they test"
 

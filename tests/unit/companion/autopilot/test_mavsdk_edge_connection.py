@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import json
 import logging
 from typing import Any
 
 import pytest
 
-from companion.autopilot.mavsdk_edge import MavsdkAutopilot
 from companion.autopilot.port import AutopilotError
 from companion.core.clock import NS_PER_S
-from tests.manual_clock import ManualClock
-from tests.unit.companion.autopilot.virtual_vehicle import VirtualVehicle
+from tests.unit.companion.autopilot.virtual_line import VirtualLine, line_of, nothing
 
-_REQUEST_MESSAGE, _SET_INTERVAL, _PREARM, _TAKEOFF = 512, 511, 401, 22
+_REQUEST_MESSAGE, _SET_INTERVAL, _PREARM = 512, 511, 401
 _HEARTBEAT, _VERSION = 0, 148
 
 
@@ -24,99 +21,12 @@ class _EnoughError(Exception):
     """Ends `MavsdkAutopilot.run`, which has no other end."""
 
 
-class _Line(VirtualVehicle):
-    """With the part of a link that opens and closes; whoever sleeps lets the vehicle's time pass."""
-
-    clock: _RunningClock
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(clock=_RunningClock(), **options)
-        self.clock.line = self
-        self.watches = False
-        self.opened: list[tuple[float, float]] = []
-        """When, and how long to wait for it [s]."""
-        self.closed = 0
-        self.refuses: list[Exception | None] = []
-        """Why the next ones cannot be opened."""
-        self.heard: set[str] = set()
-        self.told: list[tuple[float, str, dict[str, Any]]] = []
-        self.is_cut = False
-        self.edge = MavsdkAutopilot(self.url, self.clock)  # of a vehicle not yet known
-        self.edge._link = self.edge.ground._link = self  # type: ignore[assignment]
-
-    @property
-    def now_s(self) -> float:
-        return self.clock.now_ns() / NS_PER_S
-
-    async def open(self, timeout_s: float) -> None:
-        self.opened.append((self.now_s, timeout_s))
-        refusal = self.refuses.pop(0) if self.refuses else None
-        if refusal is not None:
-            raise refusal
-
-    async def aclose(self) -> None:
-        self.closed += 1
-
-    def others(self) -> set[str]:
-        return self.heard
-
-    def send(self, name: str, /, **fields: Any) -> None:
-        if self.is_cut:
-            raise AutopilotError("cut")
-        self.told.append((self.now_s, name, fields))
-        if name not in ("ONBOARD_COMPUTER_STATUS", "NAMED_VALUE_FLOAT"):  # the mock does not look at them
-            super().send(name, **fields)
-
-    def times_s(self, name: str) -> list[float]:
-        return [at_s for at_s, told, _ in self.told if told == name]
-
-    def asked(self, command: int, first: int | None = None) -> list[float]:
-        """When a command was sent, or the one with that first parameter [s]."""
-        return [
-            at_s
-            for at_s, name, fields in self.told
-            if name == "COMMAND_LONG" and fields["command"] == command and first in (None, fields["param1"])
-        ]
-
-    def tell(self, name: str, /, **fields: Any) -> None:
-        """What the vehicle says, past the mock."""
-        self.edge._telemetry.take(name, 1, json.dumps(fields))
-
-    def pass_by(self, seconds: float) -> None:
-        """Time without the vehicle."""
-        for _ in range(round(seconds * 10)):
-            self.clock.advance(0.1)
-            self.edge._ask_again()
-
-
-class _RunningClock(ManualClock):
-    line: _Line
-
-    def __init__(self) -> None:
-        super().__init__(6844 * NS_PER_S)
-
-    async def sleep_until_ns(self, deadline_ns: int) -> None:
-        while self.now_ns() < deadline_ns:
-            self.line.run(0.01)
-        await asyncio.create_task(_nothing())  # whoever is cancelled meanwhile ends here
-
-
-async def _nothing() -> None:
-    pass
-
-
 @pytest.fixture
-def line(monkeypatch: pytest.MonkeyPatch) -> _Line:
-    one = _Line()
-
-    async def sleep(seconds: float) -> None:
-        one.run(seconds)
-
-    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
-    return one
+def line(monkeypatch: pytest.MonkeyPatch) -> VirtualLine:
+    return line_of(monkeypatch)
 
 
-async def test_a_connection_stands_once_a_heartbeat_is_heard(line: _Line) -> None:
+async def test_a_connection_stands_once_a_heartbeat_is_heard(line: VirtualLine) -> None:
     assert line.edge.problem == "not connected yet" and line.edge.state().system_id is None
     await line.edge.connect()
     assert line.edge.problem == "" and line.edge.state().system_id == 1
@@ -131,11 +41,12 @@ async def test_a_connection_stands_once_a_heartbeat_is_heard(line: _Line) -> Non
 
 @pytest.mark.parametrize("limit_s", [None, 3.0])
 async def test_a_vehicle_without_a_heartbeat_is_given_up_and_the_link_closed(
-    line: _Line, limit_s: float | None
+    line: VirtualLine, limit_s: float | None
 ) -> None:
     line.run(1.2)
-    assert line.edge.state().heartbeat_mono_ns is not None, "one from before the opening does not count"
     line.px4.link.vanish()
+    line.tell_mode((4, 3))
+    assert line.edge.state().heartbeat_mono_ns == line.clock.now_ns(), "one from before the opening does not count"
     began_s, waited_s = line.now_s, limit_s or 10.0
     with pytest.raises(AutopilotError, match=rf"^the first heartbeat: not seen \(waited {waited_s:g} s\)$"):
         await (line.edge.connect() if limit_s is None else line.edge.connect(limit_s))
@@ -143,14 +54,16 @@ async def test_a_vehicle_without_a_heartbeat_is_given_up_and_the_link_closed(
     assert line.closed == 1 and line.edge.problem == "not connected yet"
 
 
-async def test_what_cannot_be_opened_is_said(line: _Line) -> None:
+async def test_what_cannot_be_opened_is_said(line: VirtualLine) -> None:
     line.refuses = [AutopilotError("the port is taken")]
     with pytest.raises(AutopilotError, match="the port is taken"):
         await line.edge.connect(1.0)
     assert line.told == [] and line.edge.problem == "not connected yet"
 
 
-async def test_it_tries_again_later_and_later_and_warns_once(line: _Line, caplog: pytest.LogCaptureFixture) -> None:
+async def test_it_tries_again_later_and_later_and_warns_once(
+    line: VirtualLine, caplog: pytest.LogCaptureFixture
+) -> None:
     caplog.set_level(logging.DEBUG, "companion.autopilot.mavsdk_edge")
     line.refuses = [*(AutopilotError(f"no {i}") for i in range(3)), None, AutopilotError("gone"), _EnoughError()]
     problems = _problems_at_openings(line)
@@ -179,7 +92,7 @@ async def test_it_tries_again_later_and_later_and_warns_once(line: _Line, caplog
 
 
 async def test_it_tells_how_this_computer_is_once_a_second_and_of_other_vehicles_once(
-    line: _Line, caplog: pytest.LogCaptureFixture
+    line: VirtualLine, caplog: pytest.LogCaptureFixture
 ) -> None:
     await line.edge.connect()
     watching = asyncio.create_task(line.edge.watch())
@@ -188,7 +101,7 @@ async def test_it_tells_how_this_computer_is_once_a_second_and_of_other_vehicles
     assert told_s[0] < 6845.2, "at once"
     assert _gaps(told_s) == pytest.approx([1.0] * 5, abs=0.11)
     assert caplog.messages == []
-    for heard in ({"system 2 (PX4)"}, {"system 2 (PX4)", "system 3 (PX4)"}):
+    for heard in ({"system 2 (PX4)"}, {"system 2 (PX4)", "system 3 (PX4)"}, set[str]()):
         line.heard = heard
         now_s = line.now_s
         await _until(lambda since_s=now_s: line.now_s > since_s + 2.5)
@@ -202,7 +115,7 @@ async def test_it_tells_how_this_computer_is_once_a_second_and_of_other_vehicles
     watching.cancel()
 
 
-async def test_a_late_heartbeat_is_asked_for_until_they_have_stayed_away_for_5_s(line: _Line) -> None:
+async def test_a_late_heartbeat_is_asked_for_until_they_have_stayed_away_for_5_s(line: VirtualLine) -> None:
     await line.edge.connect()
     watching = asyncio.create_task(line.edge.watch())
     await _until(lambda: line.now_s > 6848.0)
@@ -217,7 +130,7 @@ async def test_a_late_heartbeat_is_asked_for_until_they_have_stayed_away_for_5_s
     assert line.now_s - heard_ns / NS_PER_S == pytest.approx(5.05, abs=0.06)
 
 
-def test_before_anything_is_known_it_asks_for_all_of_it_each_second(line: _Line) -> None:
+def test_before_anything_is_known_it_asks_for_all_of_it_each_second(line: VirtualLine) -> None:
     line.px4.link.vanish()
     line.pass_by(4.55)
     rounds_s = line.asked(_SET_INTERVAL, 32)
@@ -226,27 +139,25 @@ def test_before_anything_is_known_it_asks_for_all_of_it_each_second(line: _Line)
     assert line.asked(_REQUEST_MESSAGE, _VERSION) == rounds_s and line.asked(_PREARM) == []
 
 
-def test_intervals_are_asked_for_until_each_is_answered(line: _Line) -> None:
+def test_intervals_are_asked_for_until_each_is_answered(line: VirtualLine) -> None:
     line.edge._ask_again()
     for answered in range(9):
         line.clock.advance(1.1)
         line.edge._ask_again()
         assert len(line.asked(_SET_INTERVAL, 30)) == answered + 2
-        for _ in range(answered):
-            line.tell("COMMAND_ACK", command=_SET_INTERVAL, result=0)
-    for _ in range(9):
-        line.tell("COMMAND_ACK", command=_SET_INTERVAL, result=0)
+        line.answer(_SET_INTERVAL, times=answered)
+    line.answer(_SET_INTERVAL, times=9)
     asked, versions = len(line.asked(_SET_INTERVAL)), len(line.asked(_REQUEST_MESSAGE, _VERSION))
     line.pass_by(3.35)
     assert len(line.asked(_SET_INTERVAL)) == asked
     assert len(line.asked(_REQUEST_MESSAGE, _VERSION)) == versions + 3, "which alone is not known yet"
 
 
-def test_only_the_interval_that_differs_is_asked_for_when_it_is_armed(line: _Line) -> None:
+def test_only_the_interval_that_differs_is_asked_for_when_it_is_armed(line: VirtualLine) -> None:
     line.edge._ask_again()
     line.told.clear()
     for armed, period_us in ((True, 20_000), (False, 50_000)):
-        line.tell("HEARTBEAT", **_HEARTBEAT_FIELDS, base_mode=128 * armed)
+        line.tell_mode((4, 3), armed)
         line.edge._ask_again()
         [(_, _, fields)] = [one for one in line.told if one[2]["command"] == _SET_INTERVAL]
         assert (fields["param1"], fields["param2"]) == (32, period_us)
@@ -256,27 +167,26 @@ def test_only_the_interval_that_differs_is_asked_for_when_it_is_armed(line: _Lin
         assert line.told == []
 
 
-def test_why_it_fails_its_checks_is_asked_each_second_until_it_says_so(line: _Line) -> None:
+def test_why_it_fails_its_checks_is_asked_each_second_until_it_says_so(line: VirtualLine) -> None:
     line.edge._ask_again()
     line.run(1.0)
     line.px4.link.vanish()
     line.edge._ask_again()
-    for _ in range(9):
-        line.tell("COMMAND_ACK", command=_SET_INTERVAL, result=0)
+    line.answer(_SET_INTERVAL, times=9)
     line.tell("AUTOPILOT_VERSION", flight_sw_version=(1 << 24) | (16 << 16) | (1 << 8) | 255, uid=0, uid2=[0] * 18)
     line.tell("SYS_STATUS", **_FAILS)
     line.told.clear()
     for _ in range(23):
         line.clock.advance(0.1)
         line.tell("SYS_STATUS", **_FAILS)
-        line.tell("HEARTBEAT", **_HEARTBEAT_FIELDS, base_mode=0)
+        line.tell_mode((4, 3), armed=False)
         line.edge._ask_again()
     assert _gaps(line.asked(_PREARM)) == pytest.approx([1.1, 1.1], abs=0.01)
     [fields] = {tuple(sorted(fields.items())) for _, _, fields in line.told if fields["command"] == _PREARM}
     assert all(value == 0 for name, value in fields if name.startswith("param"))
 
 
-def test_ground_stations_are_told_values_in_the_vehicles_own_time(line: _Line) -> None:
+def test_ground_stations_are_told_values_in_the_vehicles_own_time(line: VirtualLine) -> None:
     line.edge.ground.show("speed", 1.5)
     assert line.told[-1][2]["time_boot_ms"] == 0, "not known yet"
     line.edge._ask_again()
@@ -292,14 +202,14 @@ def test_ground_stations_are_told_values_in_the_vehicles_own_time(line: _Line) -
      ((1 << 32) * 1_000_000 - 1, (1 << 32) - 1)],
 )  # fmt: skip
 def test_the_vehicles_time_in_32_bits(
-    line: _Line, monkeypatch: pytest.MonkeyPatch, vehicle_ns: int | None, told_ms: int
+    line: VirtualLine, monkeypatch: pytest.MonkeyPatch, vehicle_ns: int | None, told_ms: int
 ) -> None:
     monkeypatch.setattr(line.edge._telemetry, "vehicle_ns", lambda _: vehicle_ns)
     line.edge.ground.show("speed", None)
     assert line.told[-1][2]["time_boot_ms"] == told_ms
 
 
-def test_its_question_for_the_time_is_answered_by_its_own(line: _Line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_question_for_the_time_is_answered_by_its_own(line: VirtualLine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(line.edge._telemetry, "vehicle_ns", lambda now_ns: now_ns + 5)
     line.edge._answer_time(77)
     [(_, name, fields)] = line.told
@@ -314,7 +224,7 @@ def test_its_question_for_the_time_is_answered_by_its_own(line: _Line, monkeypat
 
 @pytest.mark.parametrize(("vehicle_ns", "is_sent"), [(None, False), (-1, False), (0, True), (1, True)])
 def test_poses_are_sent_in_a_time_that_the_vehicle_has_had(
-    line: _Line, monkeypatch: pytest.MonkeyPatch, vehicle_ns: int | None, is_sent: bool
+    line: VirtualLine, monkeypatch: pytest.MonkeyPatch, vehicle_ns: int | None, is_sent: bool
 ) -> None:
     monkeypatch.setattr(line.edge._telemetry, "vehicle_ns", lambda _: vehicle_ns)
     if is_sent:
@@ -325,54 +235,7 @@ def test_poses_are_sent_in_a_time_that_the_vehicle_has_had(
     assert len(line.told) == is_sent
 
 
-async def test_parameters_are_asked_for_by_name_and_written_in_their_own_kind(line: _Line) -> None:
-    await line.edge.connect()
-    line.told.clear()
-    await line.edge.parameter("MIS_TAKEOFF_ALT")
-    await line.edge.set_parameter("MIS_TAKEOFF_ALT", 3.5)
-    await line.edge.set_parameter("COM_OBL_RC_ACT", 4)
-    read, real, whole = (fields for _, _, fields in line.told)
-    assert (read["param_id"], read["param_index"]) == ("MIS_TAKEOFF_ALT", -1)
-    assert (real["param_type"], whole["param_type"]) == (9, 6)
-
-
-async def test_a_parameter_that_is_no_number_or_was_not_taken(line: _Line, monkeypatch: pytest.MonkeyPatch) -> None:
-    await line.edge.connect()
-    line.px4.link.ignore_parameter_requests = True
-    parameters = line.edge._telemetry.parameters
-
-    async def sleep(seconds: float) -> None:
-        line.run(seconds)
-        parameters.update(answers)
-
-    monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
-    answers: dict[str, float | None] = {"A": None}
-    with pytest.raises(AutopilotError, match="parameter A: its value cannot be read over this library"):
-        await line.edge.parameter("A")
-    for wanted, answer, is_taken in (
-        (2.0, 2.0009, True), (2.0, 2.002, False), (2.0, 1.998, False), (2.0, None, False), (0.0, None, True),
-    ):  # fmt: skip
-        answers["A"] = answer
-        if is_taken:
-            await line.edge.set_parameter("A", wanted)
-        else:
-            with pytest.raises(AutopilotError, match=rf"parameter A: not set to 2; it is {answer} \(waited 2\.9 s\)"):
-                await line.edge.set_parameter("A", wanted)
-
-
-async def test_a_takeoff_that_never_hovers_is_given_up_after_its_time(
-    line: _Line, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    await line.edge.connect()
-    await line.edge.arm()
-    monkeypatch.setattr("companion.autopilot.mavsdk_edge.Climb.hovers", lambda climb, state: False)
-    with pytest.raises(AutopilotError, match=r"takeoff: hovering at 1\.5 m: not seen \(waited 16 s\)"):
-        await line.edge.takeoff(1.5)
-    [asked_s] = line.asked(_TAKEOFF)
-    assert line.now_s - asked_s == pytest.approx(16.0, abs=0.8), "after it is seen to climb"
-
-
-def _problems_at_openings(line: _Line) -> list[str]:
+def _problems_at_openings(line: VirtualLine) -> list[str]:
     problems: list[str] = []
     really = line.open
 
@@ -393,11 +256,10 @@ async def _until(is_so: Any) -> None:
     for _ in range(10_000):
         if is_so():
             return
-        await asyncio.create_task(_nothing())
+        await asyncio.create_task(nothing())
     raise AssertionError("it never became so")
 
 
-_HEARTBEAT_FIELDS = {"custom_mode": 0, "autopilot": 12, "type": 2, "system_status": 3}
 _CHECKS = 1 << 28
 _FAILS = {
     f"onboard_control_sensors_{part}": flags
