@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from companion.core.streams import APERTURE, STREAMS, Part, Stream
+from companion.core.streams import APERTURE, STREAMS, TARGET, Part, Stream
 from companion.log.reader import LoggedMessage
 from companion.replay.player import Decided
 from companion.sensing.records import ApertureRecord
@@ -31,6 +31,9 @@ UNCERTAINTY: Final = 0.1
 """Of the deviation of a range, of the covariances with it as shares of both deviations, and of noise (rad^-2): where
 the curvature that they follow from is nearly none, its rounding is a large share. Of no range there is no deviation."""
 _RANGE: Final = 2
+PLACE: Final = 0.03
+"""Of the deviation of a target's place: its own, its rivals' and its covariance's, and of the angle that holds 90 % of
+it. Each particle that is drawn or not moves them."""
 COMPUTED: Final = frozenset({"compute_s"})
 """How long it took is no decision."""
 DECISIONS: Final = tuple(stream for stream in STREAMS if stream.part is Part.DECISION)
@@ -69,8 +72,9 @@ def check(recorded: Sequence[LoggedMessage], replayed: Sequence[Decided], start_
     return [_check_stream(stream, recorded, replayed, start_ns) for stream in DECISIONS]
 
 
-def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
-    """Every difference of two decoded messages beyond the tolerance of its field, as text."""
+def differences(path: str, ours: Any, theirs: Any, place_m: float = TOLERANCES["_m"]) -> Iterator[str]:
+    """Every difference of two decoded messages beyond the tolerance of its field, as text; `place_m` is that of places
+    in them."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
         no_range = "range_m" in ours and ours["range_m"] is None and theirs.get("range_m") is None
         for key in sorted(ours.keys() | theirs.keys()):
@@ -84,20 +88,20 @@ def differences(path: str, ours: Any, theirs: Any) -> Iterator[str]:
             elif key == "covariance_m2" and all(isinstance(one.get(key), list) for one in (ours, theirs)):
                 yield from _place_differs(at, np.array(ours[key], float), np.array(theirs[key], float))
             else:
-                yield from differences(at, ours.get(key), theirs.get(key))
+                yield from differences(at, ours.get(key), theirs.get(key), place_m)
     elif isinstance(ours, list) and isinstance(theirs, list):
         if len(ours) != len(theirs):
             yield f"{path} had {len(ours)} entries, has {len(theirs)}"
             return
         for index, (a, b) in enumerate(zip(ours, theirs, strict=True)):
-            yield from differences(f"{path}[{index}]", a, b)
-    elif not _same(path, ours, theirs):
+            yield from differences(f"{path}[{index}]", a, b, place_m)
+    elif not _same(path, ours, theirs, place_m):
         yield f"{path} was {ours}, is {theirs}"
 
 
 def _place_differs(at: str, ours: Array, theirs: Array) -> Iterator[str]:
     """Covariances (3, 3) of a place: each as a share of both deviations."""
-    scale = RELATIVE * np.sqrt(np.outer(np.diag(ours), np.diag(ours)))
+    scale = PLACE * np.sqrt(np.outer(np.diag(ours), np.diag(ours)))
     for i, j in np.argwhere(~(np.abs(ours - theirs) <= scale)).tolist():
         yield f"{at}[{i}][{j}] was {ours[i, j]}, is {theirs[i, j]}"
 
@@ -127,7 +131,11 @@ def _check_stream(
 def _differs(stream: Stream, message: LoggedMessage, decided: Decided) -> Iterable[str]:
     if message.sequence != decided.event & 0xFFFFFFFF:
         yield f"was decided in event {message.sequence}, is in event {decided.event}"
-    yield from differences("", _decoded(stream, message.data), _decoded(stream, decided.data))
+    ours, theirs = _decoded(stream, message.data), _decoded(stream, decided.data)
+    place_m = TOLERANCES["_m"]
+    if stream is TARGET:
+        place_m = max(place_m, PLACE * math.sqrt(np.trace(np.array(ours["target"]["covariance_m2"], float))))
+    yield from differences("", ours, theirs, place_m)
 
 
 def _decoded(stream: Stream, data: bytes) -> Any:
@@ -149,14 +157,19 @@ def _decoded(stream: Stream, data: bytes) -> Any:
     }
 
 
-def _same(path: str, ours: Any, theirs: Any) -> bool:
+def _same(path: str, ours: Any, theirs: Any, place_m: float) -> bool:
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (ours, theirs))
     if not numbers or ours == theirs:
         return bool(ours == theirs)
     name = path.rpartition(".")[2].partition("[")[0]
     unit = max((unit for unit in TOLERANCES if name.endswith(unit)), key=len, default="")
+    if unit == "_m" and name in ("p_local_enu_m", "origin_local_enu_m"):
+        return bool(abs(ours - theirs) <= place_m)
+    if name == "probability":
+        return bool(abs(ours - theirs) <= RELATIVE)
     if unit == "_rad":
-        return abs(math.remainder(ours - theirs, math.tau)) <= TOLERANCES[unit]
+        share = PLACE * abs(ours) if name == "direction_90_rad" else 0.0
+        return abs(math.remainder(ours - theirs, math.tau)) <= max(TOLERANCES[unit], share)
     if name == "range_std_m" or name.endswith("rad2"):
         share = UNCERTAINTY
     else:

@@ -74,6 +74,12 @@ def test_a_range_that_both_do_not_have_is_no_difference() -> None:
         ("reliability", 0.9, 0.92, False),
         ("height_m", 3.0, 3.015, True),
         ("height_m", 3.0, 3.03, False),
+        ("probability", 0.11, 0.119, True),
+        ("probability", 0.11, 0.13, False),
+        ("direction_90_rad", 0.2, 0.205, True),
+        ("direction_90_rad", 0.2, 0.21, False),
+        ("p_local_enu_m", 5.0, 5.015, True),
+        ("p_local_enu_m", 5.0, 5.03, False),
         ("t_ns", 5, 6, False),
         ("state", "idle", "latched", False),
     ],
@@ -86,7 +92,16 @@ def test_covariances_of_a_place_may_round_by_a_share_of_both_deviations() -> Non
     place = [[9.0, 0.05, 0.0], [0.05, 4.0, 0.1], [0.0, 0.1, 1.0]]
     rounded = [[9.05, 0.06, 0.0], [0.06, 4.03, 0.1], [0.0, 0.1, 1.0]]
     assert list(differences("target", {"covariance_m2": place}, {"covariance_m2": rounded})) == []
-    rounded[0][1] = 0.2
+    rounded[0][1] = 0.3
     assert list(differences("target", {"covariance_m2": place}, {"covariance_m2": rounded})) == [
-        "target.covariance_m2[0][1] was 0.05, is 0.2"
+        "target.covariance_m2[0][1] was 0.05, is 0.3"
     ]
+
+
+def test_places_of_a_target_may_round_by_a_share_of_its_deviation() -> None:
+    ours = {"p_local_enu_m": [5.0, 0.0, 0.0], "rivals": [{"origin_local_enu_m": [9.0, 1.0, 0.0], "height_m": 1.0}]}
+    theirs = {"p_local_enu_m": [5.08, 0.0, 0.0], "rivals": [{"origin_local_enu_m": [9.0, 1.08, 0.0], "height_m": 1.0}]}
+    assert list(differences("", ours, theirs, place_m=0.1)) == []
+    assert len(list(differences("", ours, theirs))) == 2
+    theirs["rivals"][0]["height_m"] = 1.08  # type: ignore[index]
+    assert list(differences("", ours, theirs, place_m=0.1)) == ["rivals[0].height_m was 1.0, is 1.08"]
