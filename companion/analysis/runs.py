@@ -99,10 +99,8 @@ def find_runs(root: Path) -> list[Run]:
     """Every run in `root` and in the folders below it, linked ones too, by folder and time stamp. Raises RecordingError
     for none, and where two logs would be one end's."""
     try:
-        if not root.is_dir():
-            raise RecordingError(f"{root}: {'not a directory' if root.exists() else 'No such file or directory'}")
         with os.scandir(root):
-            pass  # a folder that may not be listed is said to be so, not empty
+            pass  # what is no folder, or may not be listed, is said to be so, not empty
         runs = [run for folder in sorted(_folders(root)) for run in _runs_of(folder)]
     except OSError as error:
         raise RecordingError(f"{error.filename or root}: {error.strerror}") from None

@@ -52,8 +52,10 @@ def read_bag(path: Path, notes: list[str]) -> tuple[str, list[tuple[int, list[fl
     Raises TrajectoryError naming the bag and, where it is about one, the topic or the message.
     """
     bag, topic = _parted(path)
-    if not bag.exists():
-        raise TrajectoryError(f"{bag}: No such file or directory")
+    try:
+        bag.stat()
+    except OSError as error:
+        raise TrajectoryError(f"{bag}: {error.strerror}") from None
     _refuse_what_waits(bag)
     _refuse_unfinished(bag)
     highlevel, typesys = _library("rosbags.highlevel", bag), _library("rosbags.typesys", bag)

@@ -158,7 +158,7 @@ def test_bad_truth_is_reported_and_not_needed(cli: Cli, run: RunFolder, what: st
     [
         ([], 2, "give a RUN folder"),
         (["nowhere"], 1, "nowhere: No such file or directory"),
-        (["{rx}"], 1, "not a directory"),
+        (["{rx}"], 1, "Not a directory"),
         (["{empty}"], 1, "no recorded run here"),
         (["--rx", "{rx}"], 2, "need all of --rx, --tx and --traj"),
         (["{run}", "--rx", "{rx}"], 2, "do not go together"),
