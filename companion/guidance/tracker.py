@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
@@ -20,6 +19,7 @@ import numpy.typing as npt
 
 from companion.core.messages import Vector3
 from companion.guidance.antenna_height import AntennaHeight
+from companion.guidance.crossings import Crossings
 from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
 from companion.guidance.modes import densest, normalised, systematic
@@ -43,6 +43,9 @@ _BORN: Final = 0.015
 _MOVED, _MOVED_BY = 0.06, 0.5
 """And so many at the places of likely ones, but nearer or farther by up to such a ratio: ranges that were off in the
 same way for a while, as those of echoes are, leave none at the right one."""
+_GROWN: Final = 3.0
+"""For so many apertures they do not die for others, however light: where images are what is seen, a place takes some to
+show that it is the right one."""
 _NEWBORN: Final = 0.3
 """How likely they are, of the average particle, if that many had been drawn anywhere."""
 _ANYWHERE: Final = 0.2
@@ -55,9 +58,7 @@ _WALK_M_SQRT_S: Final = 0.02
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
 _CROSSING: Final = 0.6
-"""Of new particles: where the new bearing crosses one before, give or take"""
-_CROSSED_STD: Final = 0.2
-_LINES: Final = 20
+"""Of new particles: where the new bearing crosses one before."""
 _EXCLUDED: Final = 20.0
 """Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
@@ -86,13 +87,14 @@ class TargetTracker:
         self._log_weight = np.zeros(0)
         self._share = np.zeros((0, 0))
         """(K, N) probability of each kind of room, if the target is at a particle."""
-        self._lines = deque[tuple[_Floats, _Floats]](maxlen=_LINES)
-        """Place and direction of the newest bearings."""
+        self._lines = Crossings()
         self._loudness = Loudness()
         self._told: _Floats = np.zeros(0)
         """What received powers have already said of each particle,"""
         self._stood: _Floats = np.zeros(0)
         """and its height."""
+        self._age: _Floats = np.zeros(0)
+        """Apertures since each was drawn; infinite of the first."""
         self._newest: Bearing | None = None
         self._target: Target | None = None
         self._witnesses: Witnesses | None = None
@@ -113,6 +115,7 @@ class TargetTracker:
             self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
             count = round(_AT_FIRST * _PARTICLES)
             self._told, self._stood = np.zeros((2, count))
+            self._age = np.full(count, math.inf)
             self._origins_m = np.zeros((count, 3))
             self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, count))
             self._share = np.zeros((len(REGIMES), count))
@@ -129,7 +132,7 @@ class TargetTracker:
             self._weigh(bearing, ground_m)
             self._listen(bearing)
         self._newest = bearing
-        self._lines.append((_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad)))
+        self._lines.add(_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad))
         self._note(bearing)
         self._resample()
         self._target = None
@@ -145,7 +148,7 @@ class TargetTracker:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
             self._target = None
-        self._lines = deque(((place_m + delta_enu_m, along) for place_m, along in self._lines), _LINES)
+        self._lines.shift(np.array(delta_enu_m))
         self._loudness.shift(np.array(delta_enu_m))
         if self._witnesses is not None:
             self._witnesses.shift(np.array(delta_enu_m))
@@ -264,22 +267,8 @@ class TargetTracker:
         low, high = (math.log(reach) for reach in _REACH_M)
         evenly = self._rng.uniform(size=count) < _SPREAD_EVENLY
         range_m = np.where(evenly, self._rng.uniform(*_REACH_M, count), np.exp(self._rng.uniform(low, high, count)))
-        crossed_m = self._crossed_m(place_m, units, range_m)
+        crossed_m = self._lines.ranges_m(place_m, units, range_m, reach_m=_REACH_M, rng=self._rng)
         return np.where(self._rng.uniform(size=count) < _CROSSING, crossed_m, range_m)
-
-    def _crossed_m(self, place_m: _Floats, units: _Floats, otherwise_m: _Floats) -> _Floats:
-        """(N,) ranges from a place along directions (N, 3) to where each passes one of the bearings before; where the
-        two are nearly parallel, `otherwise_m` (N,)."""
-        if not self._lines:
-            return otherwise_m
-        which = self._rng.integers(len(self._lines), size=len(units))
-        from_m, along = (np.array([line[k] for line in self._lines])[which] for k in (0, 1))
-        apart_m = place_m - from_m
-        cosine, own, other = ((a * b).sum(axis=1) for a, b in ((units, along), (units, apart_m), (along, apart_m)))
-        range_m = (cosine * other - own) / np.maximum(1.0 - cosine**2, 1e-9)
-        range_m *= np.exp(self._rng.normal(0.0, _CROSSED_STD, len(units)))
-        crosses = (np.abs(cosine) < math.cos(_SPREAD_RAD)) & (range_m > _REACH_M[0]) & (range_m < _REACH_M[1])
-        return np.where(crosses, range_m, otherwise_m)
 
     def _wander(self, before: Bearing, bearing: Bearing) -> None:
         elapsed_s = max(0.0, bearing.t_mono_ns - before.t_mono_ns) / 1e9
@@ -302,7 +291,7 @@ class TargetTracker:
         flat_m = np.hypot(offsets_m[:, 0], offsets_m[:, 1])
         azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + self._heading_rad
         polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + self._elevation_rad, 0.0, math.pi)
-        again = elsewhere(bearing, np.array([along for _, along in self._lines]))
+        again = elsewhere(bearing, self._lines.directions())
         found = likelihoods(
             bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), elsewhere=again, drift=self._drift
         )
@@ -340,12 +329,17 @@ class TargetTracker:
         self._log_weight = normalised(log_weight)
 
     def _bear(self, bearing: Bearing, ground_m: float) -> None:
-        """The lightest particles die for new ones, before the bearing is weighed. Those that are drawn where it points
-        are the less likely the denser they are there, so that it does not count twice."""
+        """The lightest particles die for new ones, before the bearing is weighed, but none that are new themselves.
+        Those that are drawn where it points are the less likely the denser they are there, so that it does not count
+        twice."""
         everything = len(self._log_weight)
         count = max(1, round(_BORN * everything * bearing.fresh))
         moved = round(_MOVED * everything * bearing.fresh)
-        lightest = np.argpartition(self._log_weight, count + moved)[: count + moved]
+        self._age += bearing.fresh
+        mortal = np.where(self._age < _GROWN, math.inf, self._log_weight)
+        lightest = np.argpartition(mortal, count + moved)[: count + moved]
+        self._age[lightest[:count]] = 0.0
+        self._age[lightest[count:]] = math.inf
         density = self._draw(bearing, ground_m, lightest[:count], 0.0)
         self._move(bearing, ground_m, lightest[count:])
         stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
@@ -379,7 +373,7 @@ class TargetTracker:
         count = max(_PARTICLES, round(_LEFT * len(weight)))
         chosen = systematic(weight / weight.sum(), count)
         assert self._newest is not None
-        self._told, self._stood = self._told[chosen], self._stood[chosen]
+        self._told, self._stood, self._age = self._told[chosen], self._stood[chosen], self._age[chosen]
         here_m = _place(self._newest)
         self._origins_m = here_m + parted(self._origins_m[chosen] - here_m, self._rng)
         self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)
