@@ -83,7 +83,7 @@ class MavsdkAutopilot:
         )
         self.ground = GroundStation(self._link, self._vehicle_ms)
         self._asked_ns = 0
-        self._asked_boots = -1
+        self._asked_boots = 0
         self._asked_armed = False
         self._others: set[str] = set()
         odometry = {} if on_odometry is None else rates.ODOMETRY_US

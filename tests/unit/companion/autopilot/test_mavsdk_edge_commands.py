@@ -12,8 +12,8 @@ from companion.core.messages import FlightMode
 from tests.manual_clock import ManualClock
 from tests.unit.companion.autopilot.virtual_line import VirtualLine, line_of
 
-_TAKEOFF, _SET_MODE = 22, 176
-_HOLD, _TAKING_OFF, _OFFBOARD, _MANUAL = (4, 3), (4, 2), (6, 0), (1, 0)
+_TAKEOFF, _SET_MODE, _ARM = 22, 176, 400
+_HOLD, _RETURN, _OFFBOARD = (4, 3), (4, 5), (6, 0)
 
 
 @pytest.fixture
@@ -27,24 +27,25 @@ def test_it_is_a_component_of_its_own_system_unless_it_is_told() -> None:
     assert [link._is_of_vehicle for link in links] == [False, True]
 
 
-def test_a_command_is_sent_again_until_as_many_answers_as_requests_grant_it(line: VirtualLine) -> None:
-    line.answer(_TAKEOFF, times=5)  # of others before it
-    ask = line.edge._asker(_TAKEOFF, (0,))
+@pytest.mark.parametrize("command", [_TAKEOFF, _ARM])
+def test_a_command_is_sent_again_until_as_many_answers_as_requests_grant_it(line: VirtualLine, command: int) -> None:
+    line.answer(command, times=5)  # of others before it
+    ask = line.edge._asker(command, (0,))
     for times in (1, 2):
         ask()
-        assert len(line.asked(_TAKEOFF)) == times, "what is not answered"
-    line.answer(_TAKEOFF)
+        assert len(line.asked(command)) == times, "what is not answered"
+    line.answer(command)
     ask()
-    assert len(line.asked(_TAKEOFF)) == 3, "one answer of two"
-    line.answer(_TAKEOFF, times=2)
+    assert len(line.asked(command)) == 3, "one answer of two"
+    line.answer(command, times=2)
     ask()
-    assert len(line.asked(_TAKEOFF)) == 3, "all three"
-    line.answer(_TAKEOFF, result=1)
+    assert len(line.asked(command)) == 3, "all three"
+    line.answer(command, result=1)
     ask()
-    assert len(line.asked(_TAKEOFF)) == 4, "the last one refuses"
-    line.answer(_TAKEOFF, times=3)
+    assert len(line.asked(command)) == 4, "the last one refuses"
+    line.answer(command, times=3)
     ask()
-    assert len(line.asked(_TAKEOFF)) == 4, "more answers than requests"
+    assert len(line.asked(command)) == 4, "more answers than requests"
 
 
 def test_a_mode_is_granted_by_the_second_answer_to_each_request(line: VirtualLine) -> None:
@@ -91,7 +92,7 @@ async def test_the_mode_it_is_in_is_not_the_one_that_is_wanted(line: VirtualLine
         await line.edge.hold()
 
 
-@pytest.mark.parametrize(("mode", "is_left"), [(_OFFBOARD, True), (_HOLD, False), (_MANUAL, False)])
+@pytest.mark.parametrize(("mode", "is_left"), [(_OFFBOARD, True), (_HOLD, False), (_RETURN, False)])
 async def test_hold_is_asked_for_on_the_way_out_of_offboard_alone(
     line: VirtualLine, mode: tuple[int, int], is_left: bool
 ) -> None:
@@ -115,15 +116,18 @@ async def test_what_it_answered_last_is_said(line: VirtualLine, result: int | No
         await line.edge.hold()
 
 
-async def test_it_waits_no_longer_than_its_time(line: VirtualLine, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def sleep(seconds: float) -> None:
-        line.clock.advance(seconds)
+@pytest.mark.parametrize(("poll_s", "waited_s", "times"), [(0.01, 2.9, 6), (0.03, 2.91, 6), (0.5, 3.0, 6)])
+async def test_a_command_is_repeated_for_its_time_and_no_longer(
+    line: VirtualLine, monkeypatch: pytest.MonkeyPatch, poll_s: float, waited_s: float, times: int
+) -> None:
+    async def sleep(_: float) -> None:
+        line.clock.advance(poll_s)
 
     monkeypatch.setattr("companion.autopilot.mavsdk_edge.asyncio.sleep", sleep)
     began_ns = line.clock.now_ns()
-    with pytest.raises(AutopilotError, match=r"waited 2\.9 s"):
-        await line.edge.hold()
-    assert line.clock.now_ns() - began_ns == 2_900_000_000
+    with pytest.raises(AutopilotError, match=r"waited 2\.9 s\)$"):
+        await line.edge.arm()
+    assert line.clock.now_ns() - began_ns == round(waited_s * 1e9) and len(line.asked(_ARM)) == times
 
 
 async def test_a_takeoff_leaves_place_heading_and_height_to_px4(line: VirtualLine) -> None:
@@ -134,6 +138,16 @@ async def test_a_takeoff_leaves_place_heading_and_height_to_px4(line: VirtualLin
     [fields] = [fields for _, _, fields in line.told if fields.get("command") == _TAKEOFF]
     assert [fields[f"param{i}"] for i in range(1, 8)] == [0, 0, 0, None, None, None, None]
     assert not line.times_s("PARAM_SET"), "it is 2.5 m already"
+
+
+async def test_a_takeoff_to_half_the_height_that_is_set_sets_it(line: VirtualLine) -> None:
+    line.px4.commander.parameters["MIS_TAKEOFF_ALT"] = 3.0
+    await line.edge.connect()
+    assert not line.edge.is_armed
+    await line.edge.arm()
+    assert line.edge.is_armed
+    await line.edge.takeoff(1.5)
+    assert line.px4.commander.parameters["MIS_TAKEOFF_ALT"] == 1.5
 
 
 async def test_a_takeoff_that_is_not_taken_up_is_given_up(line: VirtualLine) -> None:
