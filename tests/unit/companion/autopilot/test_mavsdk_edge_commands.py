@@ -145,7 +145,7 @@ async def test_a_takeoff_to_half_the_height_that_is_set_sets_it(line: VirtualLin
     await line.edge.connect()
     assert not line.edge.is_armed
     await line.edge.arm()
-    assert line.edge.is_armed
+    assert line.edge.is_armed and len(line.asked(_ARM, 1)) == len(line.asked(_ARM)) == 1
     await line.edge.takeoff(1.5)
     assert line.px4.commander.parameters["MIS_TAKEOFF_ALT"] == 1.5
 
