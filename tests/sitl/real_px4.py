@@ -170,23 +170,24 @@ class RealPx4:
 
     async def parameter(self, name: str) -> int | float:
         self.parameters.pop(name, None)
-        await self._asked(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1), name)
+        read = mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1)
+        await self._asked(read, name, lambda: name in self.parameters)
         return self.parameters[name]
 
     async def set(self, name: str, value: int | float) -> None:
         before = await self.parameter(name)
         field, kind = field_and_kind(type(before)(value))
-        self.parameters.pop(name)
-        await self._asked(mavlink.MAVLink_param_set_message(1, 1, name.encode(), field, kind), name)
-        assert math.isclose(self.parameters[name], value, rel_tol=1e-6), f"{name} stays {self.parameters[name]}"
+        wanted = mavlink.MAVLink_param_set_message(1, 1, name.encode(), field, kind)
+        # What was told last may still answer the reading, or somebody else's.
+        await self._asked(wanted, name, lambda: math.isclose(self.parameters[name], value, rel_tol=1e-6))
 
-    async def _asked(self, message: Any, name: str) -> None:
+    async def _asked(self, message: Any, name: str, is_told: Callable[[], bool]) -> None:
         for _ in range(5):
             self._send(self._ground, message)
             with contextlib.suppress(AssertionError):
-                await self.until("told", lambda: name in self.parameters, 1.0)
+                await self.until("told", is_told, 1.0)
                 return
-        raise AssertionError(f"PX4 does not tell {name}")
+        raise AssertionError(f"{name}: PX4 tells {self.parameters.get(name)}")
 
     def _serve(self) -> None:
         _before_others()
