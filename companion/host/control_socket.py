@@ -34,6 +34,7 @@ _WHILE_WANTED: Final = frozenset({"engage"})
 """Done only for who still waits for the answer. While this program stood still, whoever asked may have given up and
 gone, and the line lies in the socket: done then, it would fly a vehicle beside which nobody expects it any more."""
 _LOOK_S: Final = 0.05
+_WATCH_S: Final = 1.0
 _NO_COMMAND: Final = {"ok": False, "error": 'expected one line like {"command": "status"}'}
 
 
@@ -45,43 +46,51 @@ class ControlServer:
         self._path = path
         self._status_path = status_path
         self._handler = handler
-        self._servers: list[tuple[Path, asyncio.Server]] = []
+        self._doors: list[_Door] = []
+        self._untold = True
 
     async def open(self) -> None:
         """Listens from now on. Raises CompanionError when another service holds a socket, or it cannot be made."""
-        await self._open(self._path, 0o600, self._answer)
+        self._doors = [_Door(self._path, 0o600, self._answer)]
         if self._status_path is not None:
-            await self._open(self._status_path, 0o660, self._answer_status)
+            self._doors.append(_Door(self._status_path, 0o660, self._answer_status))
+        try:
+            for door in self._doors:
+                await door.open()
+        except CompanionError:
+            self.close()
+            raise
 
     async def run(self) -> None:
-        """Serves until cancelled; opens what is not open yet, and raises as that does."""
-        if not self._servers:
+        """Serves until cancelled; opens what is not open yet, and raises as that does. A socket whose file was taken
+        away is made anew: nobody could end the flight by it."""
+        if not self._doors:
             await self.open()
         try:
-            await asyncio.get_running_loop().create_future()
+            while True:
+                await asyncio.sleep(_WATCH_S)
+                await self._watch()
         finally:
             self.close()
 
     def close(self) -> None:
         """Harmless when repeated. Waits for nobody: since Python 3.12 a server waits for its clients to leave."""
-        servers, self._servers = self._servers, []
-        for path, server in servers:
-            server.close()
-            path.unlink(missing_ok=True)
+        doors, self._doors = self._doors, []
+        for door in doors:
+            door.close()
 
-    async def _open(self, path: Path, mode: int, answer: Answer) -> None:
-        try:
-            await _refuse_second_service(path)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            serve = functools.partial(_serve, answer)
-            self._servers.append((path, await asyncio.start_unix_server(serve, path, limit=_LINE_BYTES)))
-            _permit(path, mode)
-        except OSError as error:
-            self.close()
-            raise CompanionError(f"{path}: cannot bind the control socket: {error.strerror or error}") from None
-        except CompanionError:
-            self.close()
-            raise
+    async def _watch(self) -> None:
+        for door in [one for one in self._doors if not one.is_there()]:
+            door.close()
+            try:
+                await door.open()
+            except CompanionError as error:
+                if self._untold:
+                    _LOG.error("%s; trying again every %g s", error, _WATCH_S)
+                self._untold = False
+            else:
+                self._untold = True
+                _LOG.warning("%s: the control socket was taken away; it is there again", door.path)
 
     async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> dict[str, Any]:
         peer: socket.socket = writer.get_extra_info("socket")
@@ -115,6 +124,56 @@ class ControlServer:
         if command not in _CHANGE_NOTHING:
             return {"ok": False, "error": f"{command!r} is for the service's user and root; here you may ask: status"}
         return await self._handler(command, target)
+
+
+class _Door:
+    """One socket that is listened on, and its file."""
+
+    def __init__(self, path: Path, mode: int, answer: Answer) -> None:
+        self.path = path
+        self._mode = mode
+        self._answer = answer
+        self._server: asyncio.Server | None = None
+        self._file: tuple[int, int] | None = None
+
+    async def open(self) -> None:
+        """Raises CompanionError."""
+        path = self.path
+        try:
+            await _refuse_second_service(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._server = await asyncio.start_unix_server(
+                functools.partial(_serve, self._answer), path, limit=_LINE_BYTES
+            )
+            self._file = _identity(path)
+            _permit(path, self._mode)
+        except OSError as error:
+            self.close()
+            raise CompanionError(f"{path}: cannot bind the control socket: {error.strerror or error}") from None
+
+    def is_there(self) -> bool:
+        """Whether who opens the path reaches us."""
+        return self._file is not None and _identity(self.path) == self._file
+
+    def close(self) -> None:
+        """Its file goes too, unless it is another's by now."""
+        server, self._server = self._server, None
+        if server is None:
+            return
+        with contextlib.suppress(OSError):
+            if self.is_there():
+                self.path.unlink(missing_ok=True)
+        server.close()
+        self._file = None
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Of the file; None where there is none."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 def is_gone(peer: socket.socket) -> bool:

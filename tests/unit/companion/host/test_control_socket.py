@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shutil
 import socket
 import sys
 from asyncio.subprocess import PIPE, STDOUT
@@ -15,6 +16,7 @@ from typing import Any
 import pytest
 
 from companion.errors import CompanionError
+from companion.host import control_socket
 from companion.host.control_socket import ControlServer, ask, ask_status
 from tests.control_socket import serving
 
@@ -172,6 +174,49 @@ async def test_who_may_command_asks_the_control_socket(tmp_path: Path) -> None:
         assert await ask_status(tmp_path / "control.sock") == {"ok": True, "got": "status"}
     with pytest.raises(CompanionError, match="no service is running there"):
         await ask_status(tmp_path / "control.sock")
+
+
+async def _answered(path: Path) -> dict[str, Any]:
+    while True:
+        with suppress(CompanionError):
+            return await ask(path, "status")
+        await asyncio.sleep(0.01)
+
+
+async def test_a_socket_that_was_taken_away_is_there_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(control_socket, "_WATCH_S", 0.02)
+    folder = tmp_path / "run"
+    path = folder / "control.sock"
+    async with serving(path, echo), asyncio.timeout(10):
+        shutil.rmtree(folder)
+        assert (await _answered(path))["ok"]
+        assert path.stat().st_mode & 0o777 == 0o600
+        shutil.rmtree(folder)
+        folder.touch()
+        while "cannot bind" not in caplog.text:  # noqa: ASYNC110 - it has no event of its own
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.1)
+        folder.unlink()
+        assert (await _answered(path))["ok"]
+    assert not path.exists()
+    assert caplog.text.count("cannot bind") == 1
+
+
+async def test_a_socket_that_is_anothers_by_now_is_left_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control_socket, "_WATCH_S", 0.02)
+    path = tmp_path / "control.sock"
+    first = ControlServer(path, echo)
+    await first.open()
+    path.unlink()
+    async with serving(path, echo), asyncio.timeout(10):
+        task = asyncio.create_task(first.run())
+        await asyncio.sleep(0.1)
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+        assert await ask(path, "status") == {"ok": True, "got": "status"}
 
 
 async def test_a_command_may_name_a_robot(tmp_path: Path) -> None:
