@@ -50,7 +50,10 @@ class ReaderProcess:
             await self._sleep(wait_s)
 
     async def _one_life(self) -> str:
-        process = await asyncio.create_subprocess_exec(*tied(*self._command), stdin=asyncio.subprocess.DEVNULL)
+        try:
+            process = await asyncio.create_subprocess_exec(*tied(*self._command), stdin=asyncio.subprocess.DEVNULL)
+        except OSError as error:  # no memory, or no process more: the flight goes on as without poses
+            return f"cannot be started: {error.strerror}"
         self.pid = process.pid
         silent_ns: int | None = None
         try:

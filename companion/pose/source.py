@@ -14,6 +14,7 @@ import numpy as np
 
 from companion.core.clock import NS_PER_S
 from companion.core.messages import Pose
+from companion.errors import CompanionError
 from companion.host.coalescing import Readers
 from companion.host.unix_datagram import bind_datagram_socket
 from companion.pose import wire
@@ -24,6 +25,7 @@ _log = logging.getLogger(__name__)
 _LEFT: Final = 8
 """Sessions that are remembered as over."""
 _SILENT_NS: Final = NS_PER_S
+_WATCH_S: Final = 1.0
 
 
 class BodyFrame:
@@ -87,15 +89,37 @@ class PoseSource:
         return self._socket.fileno()
 
     async def run(self, readers: Readers | None = None) -> None:
-        loop = asyncio.get_running_loop()
+        """Until cancelled. A socket whose file was taken away is made anew: no reader would find it."""
+        self._attach(readers)
+        try:
+            while True:
+                await asyncio.sleep(_WATCH_S)
+                if not self._path.is_socket():
+                    self._renew(readers)
+        finally:
+            self._detach(readers)
+
+    def _renew(self, readers: Readers | None) -> None:
+        try:
+            fresh = bind_datagram_socket(self._path)
+        except CompanionError as error:
+            _log.debug("%s", error)  # poses are missed already, which is told
+            return
+        _log.warning("%s was taken away; it is there again", self._path)
+        self.drain()
+        self._detach(readers)
+        self._socket.close()
+        self._socket = fresh
+        self._attach(readers)
+
+    def _attach(self, readers: Readers | None) -> None:
         if readers is None:
-            loop.add_reader(self.fileno(), self.drain)
+            asyncio.get_running_loop().add_reader(self.fileno(), self.drain)
         else:
             readers.add_reader(self.fileno(), self.drain, gather=self.gather)
-        try:
-            await loop.create_future()
-        finally:
-            (loop if readers is None else readers).remove_reader(self.fileno())
+
+    def _detach(self, readers: Readers | None) -> None:
+        (asyncio.get_running_loop() if readers is None else readers).remove_reader(self.fileno())
 
     def gather(self) -> int:
         """Keeps what waits for `drain`; how many datagrams that were."""
@@ -115,7 +139,8 @@ class PoseSource:
 
     def close(self) -> None:
         self._socket.close()
-        self._path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
 
     def _take(self, datagram: bytes) -> None:
         try:

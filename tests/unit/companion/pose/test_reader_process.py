@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import math
 import sys
 from pathlib import Path
@@ -42,6 +43,21 @@ async def test_one_that_ends_is_started_again_with_longer_and_longer_waits(
     told = [message.split(" ended with code 3; starting another in ") for message in caplog.messages[:4]]
     assert [wait for _, wait in told] == ["1.0 s", "2.0 s", "4.0 s", "4.0 s"]
     assert len((tmp_path / "begun").read_text().split()) >= 4
+
+
+async def test_one_that_cannot_be_started_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+    running = asyncio.create_task(ReaderProcess(_SLEEPS, ManualClock(), lambda: 0.0).run())
+    await _until(lambda: len(caplog.messages) >= 2)
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
+    assert "pose reader cannot be started: Resource temporarily unavailable; starting another" in caplog.text
 
 
 async def test_one_that_is_silent_is_replaced(

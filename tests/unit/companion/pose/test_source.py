@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
+import shutil
 import socket
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 
 from companion.core.messages import Pose
 from companion.errors import CompanionError
+from companion.pose import source as source_module
 from companion.pose import wire
 from companion.pose.source import BodyFrame, PoseSource
 from wsr.geometry import rotate
@@ -78,6 +82,28 @@ def test_the_socket_passes_good_poses_and_counts_the_rest(tmp_path: Path) -> Non
     assert len(got) == 3, "poses that are not numbers are the health's to judge"
     assert (source.received, source.malformed, source.resets) == (3, 2, 0)
     assert not path.exists()
+
+
+async def test_a_socket_that_was_taken_away_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source_module, "_WATCH_S", 0.02)
+    path, got = tmp_path / "run" / "pose.sock", list[Pose]()
+    source = PoseSource(path, 0.0, got.append)
+    task = asyncio.create_task(source.run())
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as camera:
+        for number in range(3):
+            await asyncio.sleep(0.05)
+            camera.sendto(wire.encode(raw((1.0, 2.0, float(number)))), str(path))
+            async with asyncio.timeout(10):
+                while len(got) <= number:  # noqa: ASYNC110 - it has no event of its own
+                    await asyncio.sleep(0.01)
+                shutil.rmtree(path.parent)
+                while not path.exists():  # noqa: ASYNC110
+                    await asyncio.sleep(0.01)
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+    source.close()
+    assert source.resets == 0
 
 
 def test_a_reader_that_began_anew_is_noticed(tmp_path: Path) -> None:
