@@ -22,6 +22,7 @@ from wsr.aperture import Aperture
 _log = logging.getLogger(__name__)
 _START_S = 60.0  # the first start compiles the kernel, slowly on an Atom; later ones read the cache
 _RESTART_S = 0.5
+_AGAIN_S = 2.0
 _LOOK_S = 0.5
 _LATE_S = 1.0
 """A worker with nothing to do is asked for a sign of life this often. One that owes it for so long is not ready."""
@@ -44,6 +45,7 @@ class AoaProcess:
         self.readiness = Output[bool]()
         self._requests: asyncio.Queue[tuple[int, int, Aperture]] = asyncio.Queue(waiting)
         self._next_id = 0
+        self._spawns = True
         self.restarts = 0
         self.ready = asyncio.Event()
         """Set while a worker waits for requests."""
@@ -64,7 +66,15 @@ class AoaProcess:
     async def run(self) -> None:
         """Serves requests until cancelled; never leaves a process behind."""
         while True:
-            process = await _spawn(self._estimator)
+            try:
+                process = await _spawn(self._estimator)
+            except OSError as error:  # no memory, or no process more: the flight goes on without bearings
+                if self._spawns:
+                    _log.error("the AOA worker cannot be started: %s; trying again", error.strerror)
+                self._spawns = False
+                await asyncio.sleep(_AGAIN_S)
+                continue
+            self._spawns = True
             try:
                 await self._serve(process)
             except (TimeoutError, asyncio.IncompleteReadError, ConnectionError) as error:
@@ -159,7 +169,10 @@ async def _receive(process: asyncio.subprocess.Process) -> AoaResult:
     (length,) = LENGTH.unpack(await process.stdout.readexactly(LENGTH.size))
     if length > MAX_BYTES:
         raise ConnectionError(f"announced {length} bytes")
-    return msgspec.msgpack.decode(await process.stdout.readexactly(length), type=AoaResult)
+    try:
+        return msgspec.msgpack.decode(await process.stdout.readexactly(length), type=AoaResult)
+    except msgspec.DecodeError as error:  # a library has printed into it
+        raise ConnectionError(f"sent what is no answer: {error}") from None
 
 
 async def _end(process: asyncio.subprocess.Process) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import math
 import os
 import signal
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from companion.sensing import worker_process
 from companion.sensing.worker_process import AoaProcess, compile_kernel, is_compiled
 from companion.sensing.worker_wire import AoaResult
 from wsr.aperture import Aperture, make_aperture
@@ -131,6 +133,32 @@ async def test_an_idle_worker_that_hangs_or_dies_is_noticed_and_replaced(number:
     task.cancel()
     with suppress(asyncio.CancelledError):
         await task
+
+
+async def test_one_that_cannot_be_started_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(worker_process, "_AGAIN_S", 0.01)
+    start, refused = asyncio.create_subprocess_exec, list[int]()
+
+    async def refuse(*arguments: Any, **options: Any) -> asyncio.subprocess.Process:
+        if len(refused) < 3:
+            refused.append(errno.ENOMEM)
+            raise OSError(errno.ENOMEM, "Cannot allocate memory")
+        return await start(*arguments, **options)
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", refuse)
+    async with client(timeout_s=60) as started:
+        assert (await started.ask()).estimate is not None
+    assert caplog.text.count("cannot be started: Cannot allocate memory") == 1
+
+
+@pytest.mark.parametrize("sent", [b"\xff\xff\xff\xff", b"\1\0\0\0\xc1", b"\2\0\0\0{}"])
+async def test_one_whose_answer_is_none_has_died(sent: bytes) -> None:
+    process = await asyncio.create_subprocess_exec("printf", "%b", repr(sent)[2:-1], stdout=asyncio.subprocess.PIPE)
+    with pytest.raises(ConnectionError):
+        await worker_process._receive(process)
+    await process.communicate()
 
 
 async def test_a_backlog_drops_the_oldest_request() -> None:
