@@ -18,7 +18,8 @@ HEARTBEAT_LOST_S: Final = 1.5
 SLEPT_S: Final = 0.2
 """A suspended host: no other age shows it. Suspending and waking takes longer than this."""
 STALLED_S: Final = 0.5
-"""Half of PX4's COM_OF_LOSS_T: after a longer gap in the stream the autopilot may have acted by itself."""
+"""Below PX4's COM_OF_LOSS_T, which the preflight wants at 0.75 s or more: after a longer gap in the stream the
+autopilot may have acted by itself, and after a shorter one it has not."""
 BATTERY_UNKNOWN_S: Final = 5.0
 """A battery that has told nothing for so long; the edge takes a silent one for such after 5 s more."""
 

@@ -46,8 +46,8 @@ class Requirement:
 
 REQUIREMENTS: Final = (
     Requirement(
-        name="COM_OF_LOSS_T", needed=Needed.ALWAYS, accepts=lambda v: 0 < v <= 1.0, wanted="at most 1 s",
-        why="so long PX4 flies on after the last set point of a companion that died",
+        name="COM_OF_LOSS_T", needed=Needed.ALWAYS, accepts=lambda v: 0.75 <= v <= 1.0, wanted="0.75 to 1 s",
+        why="so long PX4 flies on after the last set point; sooner it would act before we know that we stood still",
     ),
     Requirement(
         name="COM_OBL_RC_ACT", needed=Needed.ALWAYS, accepts=lambda v: v in (4, 5), wanted="4 (land) or 5 (hold)",

@@ -27,7 +27,7 @@ _NOW_NS = 1000 * NS_PER_S
 _SHIPPED = load_config(CONFIGS / "uav.yaml")
 _CONFIG = replace(_SHIPPED, mission=replace(_SHIPPED.mission, control="fly"))
 _RIGHT = {
-    "COM_OF_LOSS_T": 0.5,
+    "COM_OF_LOSS_T": 1.0,
     "COM_OBL_RC_ACT": 5.0,
     "COM_RC_OVERRIDE": 3.0,
     "GF_ACTION": 2.0,

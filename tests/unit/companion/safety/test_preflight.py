@@ -167,7 +167,7 @@ def test_px4s_own_defaults_do_not_pass_and_each_line_says_value_wanted_and_why()
 @pytest.mark.parametrize(
     ("name", "good", "bad"),
     [
-        ("COM_OF_LOSS_T", (0.3, 1.0), (0.0, 1.1, 5.0)),
+        ("COM_OF_LOSS_T", (0.75, 1.0), (0.0, 0.3, 0.5, 0.7, 1.1, 5.0)),
         ("COM_OBL_RC_ACT", (4, 5), (0, 1, 2, 3, 6)),
         ("COM_RC_OVERRIDE", (3, 7), (0, 1, 2, 4)),
         ("GF_ACTION", (2, 3, 5), (0, 1, 4)),
@@ -226,7 +226,7 @@ def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:
 @pytest.mark.parametrize(
     ("name", "gps", "good", "bad"),
     [
-        ("COM_OF_LOSS_T", True, (0.01,), (-1.0,)),
+        ("COM_OF_LOSS_T", True, (0.75,), (-1.0, 0.74)),
         ("COM_RC_OVERRIDE", True, (3, 7, 11), (0, 1, 2, 4, 8)),
         ("RTL_RETURN_ALT", True, (0.1, 300.0), (0.0, -0.5, -2.0)),
         ("GF_MAX_VER_DIST", True, (0.0, 12.0), (-0.5, -1.0)),
@@ -360,6 +360,6 @@ def test_a_rover_is_armed_in_hold_alone() -> None:
 def test_a_rover_needs_no_parameter_of_a_takeoff_or_of_heights() -> None:
     copter, rover = ({one.name for one in required_parameters(True, vehicle)} for vehicle in ("copter", "rover"))
     assert copter - rover == {"RTL_RETURN_ALT", "GF_MAX_VER_DIST", "NAV_MC_ALT_RAD"}
-    values = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5.0, "COM_RC_OVERRIDE": 3.0, "GF_ACTION": 2.0, "SYS_HAS_GPS": 1.0,
+    values = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5.0, "COM_RC_OVERRIDE": 3.0, "GF_ACTION": 2.0, "SYS_HAS_GPS": 1.0,
               "EKF2_EV_CTRL": 0.0}  # fmt: skip
     assert list(parameter_problems(values, True, vehicle="rover")) == []
