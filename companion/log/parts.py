@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import math
 import os
@@ -25,7 +26,7 @@ class LogPart:
         self._file = file
         self._writer = writer
         self._start_s = self._synced_s = time.monotonic()
-        self._waiting = 0
+        self._waiting = self._taken = 0
         self._is_unsynced = False
         self.oldest_s = math.inf
         """When the oldest message of the chunk that has not ended was taken (monotonic); inf while it is empty."""
@@ -51,6 +52,7 @@ class LogPart:
         chunks = self._writer.chunks
         self.oldest_s = min(self.oldest_s, taken_s)
         self._writer.write(stream, log_time_ns, publish_time_ns, event, message=message)
+        self._taken += 1
         if self._writer.chunks == chunks:
             self._waiting += 1
             return False
@@ -66,11 +68,14 @@ class LogPart:
         self._waiting, self.oldest_s = 0, math.inf
 
     def sync(self, unless_within_s: float) -> None:
-        """What is in the file is on the disk when this returns, unless that was so a moment ago. Raises OSError."""
+        """What is in the file is on the disk when this returns, unless that was so a moment ago. Raises OSError, also
+        where somebody has removed the file: the system would go on taking what nobody will ever read."""
         if time.monotonic() - self._synced_s >= unless_within_s:
             os.fsync(self._file.fileno())
             self._synced_s = time.monotonic()
             self._is_unsynced = False
+            if self._is_removed():
+                raise FileNotFoundError(errno.ENOENT, "the log was removed", self._file.name)
 
     def finish(self) -> None:
         """Raises OSError."""
@@ -81,9 +86,13 @@ class LogPart:
 
     def abandon(self) -> int:
         """Lets go of a file that cannot be written any more; how many messages of it are lost."""
+        lost = self._taken if self._is_removed() else self._waiting
         with contextlib.suppress(OSError):  # the same error again, from what was still buffered
             self._file.close()
-        return self._waiting
+        return lost
+
+    def _is_removed(self) -> bool:
+        return os.fstat(self._file.fileno()).st_nlink == 0
 
 
 def open_part(first: Path, metadata: Mapping[str, str], compression: Compression, chunk_bytes: int) -> LogPart:

@@ -83,6 +83,8 @@ class McapRecorder:
         """Messages that could not be encoded; they count as dropped too."""
         self.failures = 0
         """Times the disk failed us."""
+        self._told = ""
+        """Why it failed last: said once, however often it is tried again."""
         self.removed_files = 0
         """Old files that the budget did not allow any more."""
         _make_own_folder(path, config)
@@ -208,7 +210,8 @@ class McapRecorder:
             lost = self._part.abandon()
             self.written -= lost
             self.dropped += lost
-        if self.failures == 0:
+        if str(error) != self._told:
+            self._told = str(error)
             _log.error("recording interrupted: %s; trying again every %g s", error, _RETRY_S)
         self._part = None
         self.failures += 1

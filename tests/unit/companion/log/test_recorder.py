@@ -7,6 +7,8 @@ import dataclasses
 import os
 import queue
 import random
+import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -28,6 +30,7 @@ from companion.core.streams import (
     TICK,
 )
 from companion.errors import CompanionError, ConfigError
+from companion.log import recorder as recorder_module
 from companion.log.parts import parts_beside
 from companion.log.reader import LogScan, open_session, read_log
 from companion.log.recorder import McapRecorder
@@ -84,6 +87,33 @@ def test_a_message_that_cannot_be_encoded_costs_only_itself(tmp_path: Path) -> N
         "written": 2, "dropped": 2, "malformed": 2, "failures": 0, "queued": 0, "removed_files": 0,
     }  # fmt: skip
     assert [m.topic for m in read_log(path, {TICK.topic, PROFILE.topic})] == [TICK.topic, PROFILE.topic]
+
+
+@pytest.mark.parametrize("whole_folder", [False, True])
+def test_a_log_that_is_removed_is_begun_anew_and_what_it_held_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, whole_folder: bool
+) -> None:
+    monkeypatch.setattr(recorder_module, "_RETRY_S", 0.05)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    path, end_s = folder / "log.mcap", time.monotonic() + 30
+    recorder = McapRecorder(path, CONFIG, clock())
+    for number in range(10):
+        recorder.record(TICK, number, Tick(number))
+    while recorder.written < 10 and time.monotonic() < end_s:
+        time.sleep(0.01)
+    shutil.rmtree(folder) if whole_folder else path.unlink()
+    while not recorder.failures and time.monotonic() < end_s:
+        time.sleep(0.01)
+    assert recorder.failed or path.exists()
+    folder.mkdir(exist_ok=True)
+    while recorder.failed and time.monotonic() < end_s:
+        time.sleep(0.01)
+    recorder.record(TICK, 99, Tick(99))
+    recorder.close()
+    assert (recorder.written, recorder.dropped) == (1, 10)
+    assert len(read_log(path, {TICK.topic})) == 1
+    assert caplog.text.count("the log was removed") == 1
 
 
 def test_a_log_that_is_there_is_never_touched(tmp_path: Path) -> None:
