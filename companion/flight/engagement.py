@@ -160,6 +160,7 @@ class Engagement:
             datagram_age_s=self._knowledge.datagram_age_s(target.id),
             packet_age_s=self._knowledge.packet_age_s(target.id),
             bad_signatures=around.bad_signatures if is_aimed_at else target.refused.bad_key,
+            old_boots=target.session.old_boots,
             clock_problem=target.not_locked(self._clock.now_ns()),
             aoa_ready=self._sar.is_ready,
             recorder_failed=around.recorder_failed,

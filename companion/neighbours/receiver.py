@@ -93,7 +93,7 @@ class NeighbourReceiver:
     def _file(self, neighbour: Neighbour, datagram: wire.Datagram, now_ns: int) -> bool:
         self.authentic += 1
         session = neighbour.session
-        known, rivals = session.boot_id, session.rivals
+        known, rivals, old_boots = session.boot_id, session.rivals, session.old_boots
         verdict = session.judge(datagram.boot_id, datagram.counter, now_ns)
         if verdict is Freshness.DUPLICATE and rivals is None and session.rivals is not None:
             _log.error(
@@ -101,6 +101,12 @@ class NeighbourReceiver:
                 neighbour.name, neighbour.id, *session.rivals,
             )  # fmt: skip
             neighbour.received.clear()
+        if session.old_boots and not old_boots:
+            _log.warning(
+                "%s (id %d): boot %016x is older than one that was heard already, so it is refused: replayed, or that "
+                "robot has lost its state_dir; then give all robots new keys and remove their boots.json",
+                neighbour.name, neighbour.id, datagram.boot_id,
+            )  # fmt: skip
         if session.boot_id != known:
             _log.info("%s (id %d): boot %016x", neighbour.name, neighbour.id, session.boot_id)
             neighbour.restart()

@@ -65,6 +65,9 @@ class SenderSession:
         self._rivalry_ns: int | None = None
         self.rivals: tuple[int, int] | None = None
         """The boot ids that interleave, while they do."""
+        self.old_boots = 0
+        """Datagrams of boots that nobody heard, with numbers that were passed already: replays, or a robot that has
+        lost its count."""
 
     @property
     def boot_id(self) -> int | None:
@@ -75,11 +78,11 @@ class SenderSession:
             return self._first(boot_id, counter, now_ns)
         if boot_id != self._current and _number(boot_id) > _number(self._current):
             self._enter(boot_id, counter, now_ns, -1)
-            return self._unless_rivals(boot_id, now_ns)
+            return self._unless_rivals(boot_id, now_ns, is_reboot=True)
         boot = self._boots.get(boot_id)
         if boot is None:
             if _number(boot_id) < _number(self._current):
-                return Freshness.REPLAY
+                return self._old()
             # The same number with another random part: only a copy of the same state can have made it.
             boot = self._boots[boot_id] = _Boot(ReplayWindow(counter - 1), now_ns)
         if not boot.window.is_fresh(counter):
@@ -98,12 +101,16 @@ class SenderSession:
             if boot_id == reached.boot_id:
                 floor = reached.ceiling
             elif _number(boot_id) <= _number(reached.boot_id):
-                return Freshness.REPLAY
+                return self._old()
         if counter <= floor:
             return Freshness.REPLAY
         self._enter(boot_id, counter, now_ns, floor)
         self._newest = boot_id
         return Freshness.FRESH
+
+    def _old(self) -> Freshness:
+        self.old_boots += 1
+        return Freshness.REPLAY
 
     def _enter(self, boot_id: int, counter: int, now_ns: int, floor: int) -> None:
         self._current = boot_id
@@ -112,11 +119,12 @@ class SenderSession:
         while len(self._boots) > _KEPT_BOOTS:
             self._boots.pop(next(iter(self._boots)))
 
-    def _unless_rivals(self, boot_id: int, now_ns: int) -> Freshness:
-        """Counts how often fresh datagrams of different boots take turns."""
+    def _unless_rivals(self, boot_id: int, now_ns: int, is_reboot: bool = False) -> Freshness:
+        """Counts how often fresh datagrams of different boots take turns; a robot that starts again and again comes
+        back to none."""
         if self._rivalry_ns is not None and now_ns - self._rivalry_ns > _RIVALRY_NS:
             self._rivalry_ns, self.rivals, self._alternations = None, None, 0
-        if self._newest is not None and boot_id != self._newest:
+        if self._newest is not None and boot_id != self._newest and not is_reboot:
             recent = self._boots.get(self._newest)
             live = recent is not None and now_ns - recent.heard_ns <= _RIVALRY_NS
             self._alternations = self._alternations + 1 if live else 0

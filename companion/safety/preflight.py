@@ -206,6 +206,7 @@ class Readiness:
     datagram_age_s: float
     packet_age_s: float
     bad_signatures: int
+    old_boots: int = 0
     clock_problem: str
     """Why the target's clock is not related to ours."""
     aoa_ready: bool
@@ -273,8 +274,9 @@ def readiness_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
 def target_problems(now: Readiness, limits: ReadinessLimits) -> list[str]:
     """What is missing of the robot that is to be flown to, in words."""
     forged = f" ({now.bad_signatures} came with a wrong signature: compare the keys)" if now.bad_signatures else ""
+    old = f" ({now.old_boots} came of a boot before one heard already: see the log)" if now.old_boots else ""
     problems = {
-        f"no datagrams of the target{forged}": now.datagram_age_s > limits.silent_s,
+        f"no datagrams of the target{forged}{old}": now.datagram_age_s > limits.silent_s,
         "no packets of the target": now.packet_age_s > limits.silent_s,
         # Nothing can be related before packets and datagrams come, and that is said already.
         now.clock_problem: bool(now.clock_problem) and max(now.datagram_age_s, now.packet_age_s) <= limits.silent_s,

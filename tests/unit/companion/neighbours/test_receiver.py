@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from companion.neighbours import wire
 from companion.neighbours.receiver import NeighbourReceiver
 from tests.datagrams import KEY, boot, datagram, receiver
@@ -31,6 +33,16 @@ def test_a_reboot_starts_over() -> None:
     assert listening.take(wire.encode(datagram(5, boot_id=boot(1)), KEY))
     assert listening.take(wire.encode(datagram(0, boot_id=boot(2)), KEY))
     assert len(listening.neighbours[2].poses()[0]) == 5  # nothing of the old clock is left
+
+
+def test_a_robot_that_has_lost_its_count_is_named_once(caplog: pytest.LogCaptureFixture) -> None:
+    listening = receiver()
+    assert listening.take(wire.encode(datagram(5, boot_id=boot(7)), KEY))
+    for counter in range(20):
+        assert not listening.take(wire.encode(datagram(counter, boot_id=boot(1)), KEY))
+    assert listening.neighbours[2].session.old_boots == 20
+    (said,) = caplog.messages
+    assert "older than one that was heard already" in said and "lost its state_dir" in said
 
 
 def test_either_of_two_keys_is_valid_while_they_are_replaced() -> None:

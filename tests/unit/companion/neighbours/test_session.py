@@ -18,6 +18,15 @@ def test_each_counter_is_fresh_once_within_a_window() -> None:
     assert window.is_fresh(10_000)
 
 
+def test_one_that_starts_again_and_again_is_no_two() -> None:
+    session = SenderSession(None)
+    for number in range(1, 12):
+        for counter in range(20):
+            now_ns = (2 * number * 10 + counter) * NS_PER_S // 10
+            assert session.judge(boot(number), counter, now_ns) is Freshness.FRESH
+    assert session.rivals is None
+
+
 def test_an_old_boot_that_was_never_heard_live_is_a_replay_not_a_rival() -> None:
     session = SenderSession(None)
     for number in range(20):

@@ -113,6 +113,10 @@ def test_nothing_stands_against_a_vehicle_that_is_ready() -> None:
             {"datagram_age_s": 2.1, "bad_signatures": 7},
             "no datagrams of the target (7 came with a wrong signature: compare the keys)",
         ),
+        (
+            {"datagram_age_s": 2.1, "old_boots": 3},
+            "no datagrams of the target (3 came of a boot before one heard already: see the log)",
+        ),
         ({"packet_age_s": 2.1}, "no packets of the target"),
         ({"clock_problem": "the clock of beacon is not related"}, "the clock of beacon is not related"),
         ({"packet_age_s": 2.1, "clock_problem": "no shared exchanges"}, "no packets of the target"),
