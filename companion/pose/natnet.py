@@ -2,7 +2,9 @@
 
 The handshake is one
 datagram (u16 message id 0, u16 length, "Ping" and a zero byte; little-endian) answered by SERVERINFO, which names the
-protocol version; a keep-alive (message id 10) a second keeps a unicast server sending.
+protocol version; a keep-alive (message id 10) a second keeps a unicast server sending. A second without a frame that is
+understood begins anew: a server that was restarted knows us no more, and one that was set to another version sends
+frames of it to all.
 
 Motive streams right-handed axes with Y up (its default) or Z up. Y up is turned as a fixed rotation C does that takes
 (x, y, z) to (x, -z, y): p = C p, q = C q C^-1, so a rigid body that was made with its nose along Motive's X has body
@@ -29,7 +31,16 @@ from companion.core.messages import Pose, Vector3
 from companion.errors import CompanionError
 from companion.host.coalescing import Readers
 from companion.pose.autopilot import turned
-from companion.pose.natnet_frame import HEADER, Body, NatNetError, Version, body_in, message_of, protocol_version
+from companion.pose.natnet_frame import (
+    HEADER,
+    Body,
+    NatNetError,
+    Version,
+    body_in,
+    ids_in,
+    message_of,
+    protocol_version,
+)
 from companion.pose.port import PoseSink
 from csi_bridge.arrival import StampedSocket
 from wsr.geometry import quaternion_conjugate, quaternion_multiply
@@ -48,6 +59,7 @@ _EXACT_TIME: Final = (2, 7)
 _FROZEN_NS: Final = NS_PER_S // 10
 _LATE_NS: Final = NS_PER_S // 20
 _FASTEST_M_S: Final = 50.0
+_SILENT_TURNS: Final = 3
 
 
 class NatNetPoses:
@@ -59,7 +71,13 @@ class NatNetPoses:
         self._on_pose = on_pose
         self._north_rad = 0.0
         self._version: Version | None = None
-        self._complained = False
+        self._complained = set[str]()
+        self._is_served = self._has_answered = self._has_sent = False
+        """Of the last second: frames that were understood, an answer, any frame."""
+        self._unserved = 0
+        """Seconds without a frame that was understood."""
+        self._without_ns: int | None = None
+        """Since when frames lack our body."""
         self._previous: tuple[float, Vector3] | None = None
         self._frame = 0.0, 0
         """Time of the newest frame by the server, and when it came first."""
@@ -88,18 +106,32 @@ class NatNetPoses:
         loop.add_reader(self._socket.fileno(), self._drain)
         try:
             while True:
-                message = b"Ping\0" if self._version is None else b"\0"
-                number = _CONNECT if self._version is None else _KEEPALIVE
-                try:
-                    self._socket.send(HEADER.pack(number, len(message)) + message)
-                except OSError:
-                    self._version = None  # the server is not there, or no longer
+                self._ask()
                 await self._clock.sleep_until_ns(self._clock.now_ns() + NS_PER_S)
         finally:
             loop.remove_reader(self._socket.fileno())
 
     def close(self) -> None:
         self._socket.close()
+
+    def _ask(self) -> None:
+        """Once a second."""
+        self._unserved = 0 if self._is_served else self._unserved + 1
+        if self._unserved > _SILENT_TURNS and not self._has_sent:
+            server = f"pose.natnet.server {self._config.server}"
+            if not self._has_answered:
+                self._complain(
+                    "answer", f"{server}, port {self._config.port}: it does not answer; is Motive streaming?"
+                )
+            elif self._version is not None:
+                self._complain("frames", f"{server} answers and sends no frames: it must stream, as unicast")
+        greets = self._version is None or not self._is_served
+        self._is_served = self._has_answered = self._has_sent = False
+        message = b"Ping\0" if greets else b"\0"
+        try:
+            self._socket.send(HEADER.pack(_CONNECT if greets else _KEEPALIVE, len(message)) + message)
+        except OSError:
+            self._version = None  # the server is not there, or no longer
 
     def _drain(self) -> None:
         while True:
@@ -116,28 +148,48 @@ class NatNetPoses:
         try:
             number, payload = message_of(datagram)
             if number == _SERVERINFO:
+                self._has_answered = True
                 self._greet(protocol_version(payload))
-            elif number == _FRAMEOFDATA and self._version is not None:
-                body = body_in(payload, self._version, self._config.body)
-                if body is not None:
-                    self._take_body(body, arrived_ns)
+            elif number == _FRAMEOFDATA:
+                self._has_sent = True
+                if self._version is not None:
+                    self._take_frame(payload, self._version, arrived_ns)
         except NatNetError as error:
             self.malformed += 1
-            self._complain(f"a datagram of pose.natnet.server {self._config.server} is left out: {error}")
+            self._complain("datagram", f"a datagram of pose.natnet.server {self._config.server} is left out: {error}")
+
+    def _take_frame(self, payload: bytes, version: Version, arrived_ns: int) -> None:
+        """Raises NatNetError."""
+        body = body_in(payload, version, self._config.body)
+        self._is_served = True
+        if body is not None:
+            self._without_ns = None
+            self._take_body(body, arrived_ns)
+            return
+        self._without_ns = self._without_ns or arrived_ns
+        if arrived_ns - self._without_ns > NS_PER_S:
+            there = ", ".join(map(str, ids_in(payload, version))) or "none"
+            self._complain(
+                "body",
+                f"pose.natnet.body {self._config.body} is in no frame of {self._config.server}; in it are: {there}",
+            )
 
     def _greet(self, version: Version) -> None:
+        if self._version not in (None, version):
+            _log.warning("pose.natnet.server %s speaks NatNet %s now", self._config.server, ".".join(map(str, version)))
         self._version = version if version >= _OLDEST else None
         if self._version is None:
             spoken, needed = (".".join(map(str, one)) for one in (version, _OLDEST))
             self._complain(
+                "version",
                 f"pose.natnet.server {self._config.server} speaks NatNet {spoken}, which does not tell whether a body "
-                f"is tracked; {needed} or newer is needed"
+                f"is tracked; {needed} or newer is needed",
             )
 
-    def _complain(self, text: str) -> None:
-        """Once: what follows is counted."""
-        if not self._complained:
-            self._complained = True
+    def _complain(self, about: str, text: str) -> None:
+        """Once of each thing: what follows is counted."""
+        if about not in self._complained:
+            self._complained.add(about)
             _log.warning("%s", text)
 
     def _held_ns(self, t_s: float, arrived_ns: int) -> int | None:

@@ -73,9 +73,7 @@ def body_in(payload: bytes, version: Version, wanted: int) -> Body | None:
     """The rigid body of that streaming id in a FRAMEOFDATA; None where it is not in there. Raises NatNetError, also for
     numbers that are no pose of anything."""
     reader = _FrameReader(payload, version)
-    reader.skip(4)  # number of the frame
-    reader.section(5, _FrameReader.skip_marker_set)
-    reader.section(_MARKER, lambda section: section.skip(_MARKER))
+    reader.skip_to_bodies()
     found: list[tuple[Vector3, tuple[float, float, float, float], bool]] = []
 
     def take(section: _FrameReader) -> None:
@@ -96,6 +94,14 @@ def body_in(payload: bytes, version: Version, wanted: int) -> Body | None:
     if is_tracked:
         _check(body)
     return body
+
+
+def ids_in(payload: bytes, version: Version) -> list[int]:
+    """The streaming ids of all rigid bodies in a FRAMEOFDATA. Raises NatNetError."""
+    reader, ids = _FrameReader(payload, version), list[int]()
+    reader.skip_to_bodies()
+    reader.section(_BODY.size, lambda section: ids.append(section.body()[0]), is_read=True)
+    return ids
 
 
 def _check(body: Body) -> None:
@@ -122,6 +128,11 @@ class _FrameReader:
         if not 0 <= count <= self.left:
             raise NatNetError(f"{count} bytes at {self._at}, of which {self.left} are there")
         self._at += count
+
+    def skip_to_bodies(self) -> None:
+        self.skip(4)  # number of the frame
+        self.section(5, _FrameReader.skip_marker_set)
+        self.section(_MARKER, lambda section: section.skip(_MARKER))
 
     def count(self, least_bytes: int) -> int:
         """Of things that take so many bytes each, at least."""

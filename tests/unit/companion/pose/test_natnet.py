@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import random
+import socket
 import struct
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,9 +18,10 @@ from companion.config.schema import NatNetConfig
 from companion.core.clock import NS_PER_S, MonotonicClock
 from companion.core.messages import Pose
 from companion.pose.natnet import NatNetPoses
+from companion.pose.natnet_frame import Version
 from tests.manual_clock import ManualClock
 from tests.paths import FIELD_CASES
-from tests.unit.companion.pose.natnet_frames import T_S, VERSIONS, datagram, frame, server_info
+from tests.unit.companion.pose.natnet_frames import T_S, VERSIONS, datagram, frame, rigid_body, server_info
 
 _CLOCK = MonotonicClock()
 
@@ -82,6 +88,92 @@ def test_field_case_names_that_are_not_utf_8() -> None:
         source._take(path.read_bytes(), len(got))
     source.close()
     assert (len(got), source.malformed) == (10, 0)
+
+
+class _Motive:
+    """A server on loopback that sends to whom it was greeted by, and knows nobody when it starts."""
+
+    def __init__(self, version: Version, port: int = 0) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", port))
+        self.socket.setblocking(False)
+        self.version, self.sends, self.answers = version, True, True
+        self.bodies: tuple[int, ...] = (3, 7)
+        self.clients, self.greeted, self._number = set[Any](), 0, 0
+
+    @property
+    def port(self) -> int:
+        return int(self.socket.getsockname()[1])
+
+    def turn(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                asked, client = self.socket.recvfrom(1000)
+                if struct.unpack_from("<H", asked)[0] == 0 and self.answers:
+                    self.clients.add(client)
+                    self.greeted += 1
+                    self.socket.sendto(server_info(self.version), client)
+        self._number += 1
+        bodies = tuple(rigid_body(self.version, number) for number in self.bodies)
+        payload = frame(self.version, bodies=bodies, t_s=T_S + 0.01 * self._number)
+        for client in self.clients if self.sends else ():
+            self.socket.sendto(datagram(7, payload), client)
+
+
+async def _seconds(server: _Motive, source: NatNetPoses, count: int) -> None:
+    """Without the loop's timers: a second is a greeting, a keep-alive, or what else is due, and five frames."""
+    for _ in range(count):
+        source._ask()
+        for _ in range(5):
+            server.turn()
+            source._drain()
+
+
+@pytest.fixture
+def motive() -> Iterator[_Motive]:
+    server = _Motive((4, 1))
+    yield server
+    server.socket.close()
+
+
+async def test_a_server_that_changes_its_version_or_forgets_us_is_greeted_anew(
+    motive: _Motive, caplog: pytest.LogCaptureFixture
+) -> None:
+    got: list[Pose] = []
+    source = NatNetPoses(NatNetConfig(body=7, port=motive.port), _CLOCK, got.append)
+    await _seconds(motive, source, 5)
+    assert (motive.greeted, len(got)) == (1, 25), "from then on it is kept alive"
+    for version in ((3, 1), (2, 11), (4, 2)):
+        before, motive.version = len(got), version
+        await _seconds(motive, source, 4)
+        assert len(got) >= before + 10, version
+        assert f"speaks NatNet {version[0]}.{version[1]} now" in caplog.text
+    motive.clients.clear()  # it was restarted, and no packet of ours was refused meanwhile
+    before = len(got)
+    await _seconds(motive, source, 4)
+    source.close()
+    assert len(got) >= before + 10
+
+
+async def test_who_does_not_answer_who_sends_nothing_and_whose_frames_lack_the_body_are_named(
+    motive: _Motive, caplog: pytest.LogCaptureFixture
+) -> None:
+    clock = ManualClock()
+    source = NatNetPoses(NatNetConfig(body=5, port=motive.port), clock, lambda _: None)
+    motive.answers = motive.sends = False
+    await _seconds(motive, source, 10)
+    motive.answers = True
+    await _seconds(motive, source, 10)
+    motive.sends = True
+    await _seconds(motive, source, 2)
+    payload = frame((4, 1), bodies=(rigid_body((4, 1), 3), rigid_body((4, 1), 7)))
+    for number in range(3):
+        source._take(datagram(7, payload), time.monotonic_ns() + number * NS_PER_S)
+    source.close()
+    silent, unsent, other = caplog.messages
+    assert silent.endswith("it does not answer; is Motive streaming?")
+    assert unsent.endswith("answers and sends no frames: it must stream, as unicast")
+    assert other == "pose.natnet.body 5 is in no frame of 127.0.0.1; in it are: 3, 7"
 
 
 class _Server:
