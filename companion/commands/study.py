@@ -17,6 +17,7 @@ from rich.table import Table
 from companion.commands.output_files import TEXT, check_writable, writing
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
+from companion.host.pool import ended_by_signals
 from companion.sim.scenes import FLOWN, scene_names
 from companion.study.catalogue import MODULES, RENDEZVOUS
 from companion.study.catalogue import study as load_study
@@ -97,7 +98,7 @@ def study(
         raise click.UsageError(f"--scenes, --motion and --markdown are for the study {RENDEZVOUS}, not for {name}")
     done = _Done(name=name, out=out, json_path=json_path, markdown=markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
-    with _runner(cluster, jobs) as runner:
+    with ended_by_signals(), _runner(cluster, jobs) as runner:
         for each in studies:
             count = each.default_trials if trials is None else trials
             settings = Settings(count, data.resolve(), named, motion)

@@ -1,4 +1,4 @@
-"""A Ctrl-C ends who started the processes, and these with it; only the one says something."""
+"""A signal ends who started the processes, and these with it; only the one says something."""
 
 from __future__ import annotations
 
@@ -31,8 +31,12 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("method", ["spawn", "fork"])
-def test_a_ctrl_c_ends_all_at_once(tmp_path: Path, method: str) -> None:
+@pytest.mark.parametrize("whole_group", [True, False])
+def test_a_signal_ends_all_at_once_and_nothing_is_left(
+    tmp_path: Path, method: str, number: signal.Signals, whole_group: bool
+) -> None:
     script = tmp_path / "work.py"
     script.write_text(_WORK.format(method=method))
     started = subprocess.Popen(
@@ -40,9 +44,20 @@ def test_a_ctrl_c_ends_all_at_once(tmp_path: Path, method: str) -> None:
     )
     assert started.stdout is not None
     assert [started.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
-    os.killpg(started.pid, signal.SIGINT)
+    (os.killpg if whole_group else os.kill)(started.pid, number)
     out, err = started.communicate(timeout=20)
     assert (started.returncode, out, err) == (0, "interrupted\n", "")
+
+
+def test_a_signal_that_was_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with computed(abs, [-1], 1) as futures:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert [future.result() for future in futures] == [1]
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_results_belong_to_their_tasks() -> None:
