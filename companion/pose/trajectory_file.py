@@ -25,7 +25,7 @@ from companion.pose.trajectory_columns import (
     columns_by_headings,
     columns_by_layout,
 )
-from companion.pose.trajectory_rows import check_no_units, check_one_body, check_rows_once
+from companion.pose.trajectory_rows import check_no_halves, check_no_units, check_one_body, check_rows_once
 from csi_bridge.foreign import TEXT, foreign_format
 from csi_bridge.regular_file import open_regular
 
@@ -154,7 +154,7 @@ def _rows(path: str, lines: Sequence[str]) -> list[Row]:
 
 def _separator(line: str) -> str | None:
     """None for blanks of any kind; a tab where headings have blanks of their own (`time [s]`)."""
-    if len(words := line.split()) > 1 and all(map(_DECIMAL_COMMA.fullmatch, words)):
+    if len(words := line.split()) > 1 and _has_decimal_commas(words):
         return None
     marks = ";," if all(map(_is_number, words)) else ";,\t"
     return next((mark for mark in marks if mark in line), None)
@@ -173,7 +173,7 @@ def _fields(line: str, separator: str | None) -> list[str]:
 def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) -> tuple[str, list[Numbered]]:
     name, (line, first) = str(path), rows[0]
     separator, width = _separator(lines[line - 1]), len(_stripped(first))
-    if all(_DECIMAL_COMMA.fullmatch(field.strip()) for field in first[:width]):
+    if _has_decimal_commas(first[:width]):
         raise TrajectoryError(f"{name}: line {line} has decimal commas; expected decimal points")
     if not any(map(_is_number, first)):
         columns, rows = columns_by_headings(name, _stripped(first)), rows[1:]
@@ -184,6 +184,7 @@ def _table(path: Path, lines: Sequence[str], rows: list[Row], notes: list[str]) 
         columns = columns_by_headings(name, headings)
     else:
         _check_whole(f"{name}: line {line}", first[:width])
+        check_no_halves(name, rows)
         columns = columns_by_layout(name, line, width, separator)
     check_one_body(name, columns.names, rows)
     check_rows_once(name, rows)
@@ -220,6 +221,12 @@ def _is_number(field: str) -> bool:
     return True
 
 
+def _has_decimal_commas(fields: Sequence[str]) -> bool:
+    """Whether they are numbers, some of them with one: whole ones have none."""
+    commas = [_DECIMAL_COMMA.fullmatch(field.strip()) is not None for field in fields]
+    return any(commas) and all(is_one or _is_number(field) for is_one, field in zip(commas, fields, strict=True))
+
+
 def _by_other_time(path: str, columns: Columns) -> Columns:
     assert columns.other_time is not None
     time, scale = columns.other_time
@@ -232,7 +239,8 @@ def _values(path: str, columns: Columns, rows: Sequence[Row]) -> Iterator[Number
         fields = _stripped(fields)
         where = f"{path}: line {number}"
         if len(fields) > columns.width or (columns.exact and len(fields) < columns.width):
-            raise TrajectoryError(f"{where} has {len(fields)} columns, expected {columns.width} as above; cut off?")
+            why = "cut off" if len(fields) < columns.width else "a decimal comma"
+            raise TrajectoryError(f"{where} has {len(fields)} columns, expected {columns.width} as above; {why}?")
         if columns.exact:
             _check_whole(where, fields)
         turn: list[float] = []

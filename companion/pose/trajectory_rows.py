@@ -16,6 +16,8 @@ _WHOSE: Final = re.compile(
 )
 _MOST_BODIES: Final = 50
 """More are numbers of frames that begin again."""
+_HALF: Final = re.compile(r"0\d+")
+_LOOKED_AT: Final = 1000
 _UNITS: Final = re.compile(r"[\[(]?(?:n|u|m)?s(?:ec)?[\])]?|[\[(]?(?:c|m)?m[\])]?|[\[(]?(?:rad|deg)[\])]?|[-1]?")
 
 
@@ -51,6 +53,18 @@ def check_rows_once(path: str, rows: Sequence[Row]) -> None:
     half = len(rows) // 2
     if rows[half][1] == rows[0][1] and [row for _, row in rows[half:]] == [row for _, row in rows[:half]]:
         raise TrajectoryError(f"{path}: from line {rows[half][0]} on all rows are there again; expected each once")
+
+
+def check_no_halves(path: str, rows: Sequence[Row]) -> None:
+    """Raises TrajectoryError where rows without headings hold what a decimal comma leaves of a number: `1,05` between
+    commas is 1 and 05, and no number begins so. A nanosecond, the second column, may."""
+    for line, fields in rows[:_LOOKED_AT]:
+        for column, field in enumerate(fields[2:], start=3):
+            if _HALF.fullmatch(field.strip()):
+                raise TrajectoryError(
+                    f"{path}: line {line} has {field.strip()} in column {column}, which is half a number with a decimal "
+                    "comma; expected decimal points"
+                )
 
 
 def check_no_units(path: str, rows: Sequence[Row]) -> None:

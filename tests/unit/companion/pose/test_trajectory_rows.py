@@ -87,3 +87,19 @@ def test_decimal_commas_are_said_whatever_separates(tmp_path: Path, separator: s
     path = written(tmp_path, lambda row: numbers(row, "txyzabcd", separator).replace(".", ","), first)
     told = _refusal(path)
     assert f"line {1 + head}" in told and ("decimal points" in told or "expected a decimal point" in told)
+
+
+@pytest.mark.parametrize("separator", [",", ", ", ";", "; ", " ", "\t"])
+@pytest.mark.parametrize("whole", [True, False])
+def test_decimal_commas_beside_whole_numbers_are_said_too(tmp_path: Path, separator: str, whole: bool) -> None:
+    path, zero = tmp_path / "way.csv", "0" if whole else "0,000"
+    rows = [[f"{number},5", "1,05", zero, "1,5", "0", "0", "0", "1"] for number in range(20)]
+    path.write_text("".join(separator.join(row) + "\n" for row in rows))
+    with pytest.raises(TrajectoryError, match="decimal comma"):
+        read_trajectory_file(path)
+
+
+def test_a_nanosecond_may_begin_with_a_nought(tmp_path: Path) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text("".join(f"{number},000000050,1.5,0,{number / 10}\n" for number in range(20)))
+    assert read_trajectory_file(path).t_s[1] == pytest.approx(1.00000005, abs=1e-12)
