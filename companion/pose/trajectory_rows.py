@@ -62,7 +62,7 @@ def check_no_halves(path: str, rows: Sequence[Row]) -> None:
         for column, field in enumerate(fields[2:], start=3):
             if _HALF.fullmatch(field.strip()):
                 raise TrajectoryError(
-                    f"{path}: line {line} has {field.strip()} in column {column}, which is half a number with a decimal "
+                    f"{path}: line {line} has {field.strip()} in column {column}, half a number with a decimal "
                     "comma; expected decimal points"
                 )
 

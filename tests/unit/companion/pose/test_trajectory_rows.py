@@ -101,5 +101,6 @@ def test_decimal_commas_beside_whole_numbers_are_said_too(tmp_path: Path, separa
 
 def test_a_nanosecond_may_begin_with_a_nought(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
-    path.write_text("".join(f"{number},000000050,1.5,0,{number / 10}\n" for number in range(20)))
-    assert read_trajectory_file(path).t_s[1] == pytest.approx(1.00000005, abs=1e-12)
+    stamps = [divmod(number * 100_000_000 + 50, 1_000_000_000) for number in range(20)]
+    path.write_text("".join(f"{sec},{nsec:09d},1.5,0,{nsec / 1e9}\n" for sec, nsec in stamps))
+    assert read_trajectory_file(path).t_s[1] == pytest.approx(0.10000005, abs=1e-12)
