@@ -42,6 +42,9 @@ def _role(config: Config) -> Iterator[str]:
 def _pose(config: Config) -> Iterator[str]:
     if config.pose.source == "recording" and not config.pose.recording:
         yield "pose.recording: missing; source recording needs the path of a trajectory"
+    server = config.pose.natnet.server
+    if config.pose.source == "natnet" and (":" in server or not _is_host(server)):
+        yield f"pose.natnet.server: {server!r}; expected an IPv4 address or a name, for example 192.168.1.10"
     for key, value, of_autopilot in (
         ("source", config.pose.source, "px4"),
         ("north", config.pose.north, "autopilot"),

@@ -8,7 +8,7 @@ import pytest
 
 from companion.config.file import load_config
 from companion.config.rules import config_errors
-from companion.config.schema import Config
+from companion.config.schema import Config, NatNetConfig
 from companion.config.tag_camera import PeerTag
 from tests.paths import CONFIGS
 
@@ -37,6 +37,13 @@ def test_a_configuration_that_fits_has_no_errors() -> None:
         (
             replace(changed("pose", source="px4"), autopilot=replace(AUTOPILOT, forward_vio_hz=30.0)),
             "autopilot.forward_vio_hz: the autopilot's own odometry",
+        ),
+        *(
+            (
+                changed("pose", source="natnet", natnet=NatNetConfig(server=server)),
+                f"pose.natnet.server: {server!r}; expected an IPv4",
+            )
+            for server in ("", "::1", "h\u00f6..st", " 10.0.0.1")
         ),
         (changed("tak", enabled=True, address="tak.example.org"), "tak.address: 'tak.example.org'; transport udp"),
         (changed("tak", enabled=True, transport="tls", ca_file="a", cert_file="b"), "tak.key_file: missing"),
