@@ -120,7 +120,9 @@ class _Operator:
         # A signal ends everything in order, as an interrupt does.
         task = asyncio.current_task()
         assert task is not None
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+                asyncio.get_running_loop().add_signal_handler(number, task.cancel)
         await engage(self._stage.control_socket, _READY_S, self._status)
         engaged_ns = self._clock.now_ns()
         setup_s = (engaged_ns - self._start_ns) / NS_PER_S

@@ -153,3 +153,21 @@ def _children(pid: int) -> list[str]:
 
 def _is_alive(pid: str) -> bool:
     return Path(f"/proc/{pid}").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_demo_in_order(tmp_path: Path, number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "companion", "demo", "--seed", str(SEED), "--out", str(tmp_path / "out")]
+    stage = tmp_path / "stage"
+    stage.mkdir()
+    demo = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"TMPDIR": str(stage)}
+    )
+    assert demo.stdout is not None
+    while "phase" not in demo.stdout.readline():
+        assert demo.poll() is None
+    demo.send_signal(number)
+    _, said = demo.communicate(timeout=30)
+    assert (demo.returncode, said) == (1, "companion: ended by a signal\n")
+    assert list(stage.iterdir()) == [], "its sockets and keys are gone"
