@@ -56,6 +56,8 @@ class Climb:
         """To be asked again and again. Raises GaveWayError when somebody else has decided."""
         if state.mode not in (FlightMode.TAKEOFF, FlightMode.HOLD):
             raise GaveWayError(f"takeoff: the mode became {state.mode} meanwhile; somebody else decided")
+        if not state.armed:  # after that whoever arms it again takes off for himself
+            raise GaveWayError("takeoff: disarmed meanwhile; somebody else decided")
         if state.mode is FlightMode.TAKEOFF or not state.in_air:
             return False
         if state.p_local_enu_m is None or state.v_local_enu_m_s is None:

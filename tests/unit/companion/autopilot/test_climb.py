@@ -14,9 +14,13 @@ from companion.core.messages import FlightMode, VehicleState
 
 def _state(mode: FlightMode, up_m: float, climb_m_s: float, t_s: float = 0.0, in_air: bool = True) -> VehicleState:
     return VehicleState(
-        t_mono_ns=round(t_s * NS_PER_S), mode=mode, in_air=in_air, p_local_enu_m=(0.0, 0.0, up_m),
+        t_mono_ns=round(t_s * NS_PER_S), mode=mode, in_air=in_air, armed=True, p_local_enu_m=(0.0, 0.0, up_m),
         v_local_enu_m_s=(0.0, 0.0, climb_m_s),
     )  # fmt: skip
+
+
+_DISARMED = replace(_state(FlightMode.HOLD, 0.0, 0.0, in_air=False), armed=False)
+"""By a person, before it left the ground: whoever takes off next does so for himself."""
 
 
 @pytest.mark.parametrize("ground_m", [0.0, -0.5])
@@ -36,6 +40,7 @@ def test_px4s_own_hold_below_the_height_is_waited_out(ground_m: float) -> None:
         [_state(FlightMode.HOLD, 0.3, 1.0)],
         [_state(FlightMode.HOLD, 0.9, 0.0, 1.0), _state(FlightMode.HOLD, 0.9, 0.0, 4.0)],
         [_state(FlightMode.TAKEOFF, 0.9, 1.0), _state(FlightMode.LAND, 0.9, 0.0)],
+        [_state(FlightMode.TAKEOFF, 0.0, 0.0, in_air=False), _DISARMED],
     ],
 )
 def test_what_somebody_else_decides_is_given_way_to(states: list[VehicleState]) -> None:

@@ -75,6 +75,9 @@ class _Others:
     class refused:
         bad_key = 0
 
+    class session:
+        old_boots = 0
+
     @property
     def neighbour(self) -> _Others:
         return self
