@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 from companion.core.messages import FlightMode
 
@@ -33,3 +34,10 @@ def flight_mode(custom_mode: int) -> FlightMode:
     if main in _BY_PERSON:
         return FlightMode.MANUAL
     return _AUTO_SUB_MODES.get(sub, FlightMode.OTHER) if main == _AUTO else FlightMode.OTHER
+
+
+def left_offboard(before: Mapping[str, Any], told: Mapping[str, Any]) -> dict[str, int]:
+    """`VehicleState.offboard_left`, one more where a message tells that the mode is OFFBOARD no longer."""
+    if "mode" not in told or before.get("mode") is not FlightMode.OFFBOARD or told["mode"] is FlightMode.OFFBOARD:
+        return {}
+    return {"offboard_left": before.get("offboard_left", 0) + 1}

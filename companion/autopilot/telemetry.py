@@ -21,7 +21,7 @@ from companion.autopilot.arming_checks import ArmingChecks
 from companion.autopilot.batteries import Batteries
 from companion.autopilot.kind import drives, kind_of
 from companion.autopilot.odometry import pose_from_odometry
-from companion.autopilot.px4_modes import flight_mode
+from companion.autopilot.px4_modes import flight_mode, left_offboard
 from companion.autopilot.resets import PositionResets
 from companion.autopilot.vehicle_clock import Turn, VehicleClock
 from companion.core.messages import AutopilotEvent, GpsFix, Pose, Vector3, VehicleState
@@ -54,7 +54,7 @@ _ACCELEROMETER_ERROR = 2048
 _CONSTANT_POSITION = 128
 """nor this in the air. On the ground it is normal: PX4 sets it while the vehicle stands still, disarmed."""
 _DECODER: Final = msgspec.json.Decoder()
-_OF_EVERY_BOOT: Final = ("heartbeat_mono_ns", "system_id", "autopilot")
+_OF_EVERY_BOOT: Final = ("heartbeat_mono_ns", "system_id", "autopilot", "offboard_left")
 _LANDED_OLD_NS: Final = 3_000_000_000
 """EXTENDED_SYS_STATE is asked for at 5 Hz: who has told it no later than this has not told it."""
 _YAW_OLD_NS: Final = 500_000_000
@@ -131,7 +131,7 @@ class Telemetry:
             self.malformed += 1
             return
         with self._lock:
-            self._known.update(known)
+            self._known.update(known | left_offboard(self._known, known))
 
     def state(self) -> VehicleState:
         """The newest telemetry, stamped now."""

@@ -92,6 +92,8 @@ class VehicleState:
     mode: FlightMode | None = None
     mode_mono_ns: int | None = None
     """When the mode was last told (HEARTBEAT or CURRENT_MODE)."""
+    offboard_left: int = 0
+    """How often it has told another mode after OFFBOARD: a mode that was lost and is back shows in nothing else."""
     armed: bool = False
     in_air: bool = False
     landed_unknown: bool = False

@@ -20,7 +20,9 @@ class Situations:
         self._knowledge = knowledge
         self._took_off = False
         self._stood_still_ns = 0
-        """What the vehicle had told of our clock when it was engaged."""
+        """What the vehicle had told of our clock when it was engaged,"""
+        self._boots = self._offboard_left = 0
+        """of its restarts and of leaving OFFBOARD."""
         self._battery_known_ns = 0
         """When all batteries told their charge last."""
         self._stream_ns: int | None = None
@@ -35,6 +37,7 @@ class Situations:
     def begin_anew(self, vehicle: VehicleState) -> None:
         """An engagement begins."""
         self._took_off, self._stood_still_ns = vehicle.in_air, vehicle.stood_still_ns
+        self._boots, self._offboard_left = vehicle.boots, vehicle.offboard_left
 
     def see(self, vehicle: VehicleState) -> None:
         taking_off = self._course.state is State.TAKING_OFF
@@ -68,6 +71,8 @@ class Situations:
             stream_gap_s=0.0 if self._stream_ns is None else (now_ns - self._stream_ns) / NS_PER_S,
             stood_still_s=(vehicle.stood_still_ns - self._stood_still_ns) / NS_PER_S,
             slept_s=slept_s,
+            restarted=vehicle.boots != self._boots,
+            left_offboard=vehicle.offboard_left != self._offboard_left,
             battery_unknown_s=(now_ns - self._battery_known_ns) / NS_PER_S,
             target_near=p_m is not None and knowledge.is_near(p_m),
         )

@@ -35,6 +35,7 @@ _EXPECTED_MODES: Final = {
 _LANDING_BY_S: Final = 8.0  # by then landing or returning has begun, or somebody else has decided otherwise
 _TRIES_AFTER_S: Final = 5.0
 _FLIGHT_STATES: Final = frozenset(_EXPECTED_MODES)
+_IN_OFFBOARD: Final = frozenset({State.ACQUIRING, State.APPROACHING, State.HOLDING})
 _ENGAGED_STATES: Final = _FLIGHT_STATES | {State.PREFLIGHT}
 _TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
 
@@ -66,6 +67,10 @@ class Situation:
     """By how much the vehicle's clock has leapt ahead of ours since the engagement: no clock of ours shows that."""
     slept_s: float = 0.0
     """The host was suspended so long since the last tick."""
+    restarted: bool = False
+    """The vehicle has restarted since the engagement."""
+    left_offboard: bool = False
+    """It has left OFFBOARD since then, and may be back."""
     battery_unknown_s: float = 0.0
     """For how long any battery has told nothing, or there was none."""
 
@@ -100,11 +105,12 @@ def conditions(state: State, situation: Situation, limits: ConditionLimits) -> l
         state is State.HOLDING and situation.in_state_s > _TRIES_AFTER_S and situation.tries <= limits.blind_legs
     )
     mode_lost = in_flight and situation.took_off and vehicle.mode not in _expected_modes(state, situation, limits)
+    mode_was_lost = (engaged and situation.restarted) or (state in _IN_OFFBOARD and situation.left_offboard)
     stalled = max(situation.stream_gap_s, situation.stood_still_s) > STALLED_S or situation.slept_s > SLEPT_S
     holds = (
         (Event.LINK_LOST, link_lost),
         (Event.STALLED, stalled),
-        (Event.MODE_LOST, mode_lost),
+        (Event.MODE_LOST, mode_lost or mode_was_lost),
         (Event.POSE_LOST, engaged and (situation.pose_failed or situation.pose_age_s > limits.pose_lost_s)),
         (Event.BATTERY_LOW, engaged and battery_low),
         (Event.BATTERY_UNKNOWN, in_flight and situation.battery_unknown_s > BATTERY_UNKNOWN_S),

@@ -35,7 +35,7 @@ FAULTS: Final[dict[Event, Fault]] = {
     ),
     Event.MODE_LOST: Fault(
         f"{_TICK_S:g} s after CURRENT_MODE, which PX4 sends on each change",
-        "a mode that is not ours in this state",
+        "a mode that is not ours in this state, also one that is gone again; a restart",
         _PERSON,
     ),
     Event.STALLED: Fault(

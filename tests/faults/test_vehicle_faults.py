@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.mission.table import State
+from companion.sim.px4.commander import Mode
 from tests.faults.figures import record
 from tests.faults.virtual_flight import VirtualFlight
 
@@ -206,6 +207,26 @@ async def test_fault_35_a_restarted_vehicle_gets_its_origin_again(start: Start) 
         await flight.run(max(0.0, 10.0 - after_s))
         assert flight.state.boots == 1 and flight.report().has_global_position
         assert await flight.engage() == ""
+
+
+async def test_a_mode_that_was_lost_and_is_back_between_two_ticks_is_not_flown_on(start: Start) -> None:
+    """As PX4 does by itself where the stream was late for it and is there again."""
+    async with _flying(start()) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        for mode in (Mode.HOLD, Mode.OFFBOARD):
+            flight.px4.commander.pilot_mode(mode)
+            flight.vehicle.run(0.06)
+        assert flight.report().mode == "OFFBOARD" and flight.state.offboard_left == 1
+        await flight.tick()
+        assert flight.flight.state is State.LATCHED
+        sent = flight.report().setpoints
+        await flight.run(3.0)
+        assert flight.report().setpoints == sent and flight.report().mode == "HOLD"
+        flight.order("pilot HOLD")
+        await flight.run(0.5)
+        assert await flight.engage() == "", "a person may"
+        await flight.until(State.APPROACHING)
 
 
 @pytest.mark.parametrize("jump_m", [pytest.param((1.0, 0.0, 0.0), marks=pytest.mark.long), (0.0, -3.0, 0.4)])

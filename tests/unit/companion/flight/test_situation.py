@@ -97,3 +97,16 @@ def test_a_clock_of_ours_that_stood_still_counts_from_the_engagement() -> None:
     ticking = _Ticking()
     ticking.situations.begin_anew(replace(_STANDS, stood_still_ns=3 * NS_PER_S))
     assert ticking.tick(replace(_STANDS, stood_still_ns=4 * NS_PER_S)).stood_still_s == 1.0
+
+
+def test_restarts_and_lost_modes_count_from_the_engagement() -> None:
+    flight = _Ticking()
+    before = replace(_STANDS, boots=2, offboard_left=3)
+    flight.situations.begin_anew(before)
+    for vehicle, restarted, left in (
+        (before, False, False),
+        (replace(before, boots=3), True, False),
+        (replace(before, offboard_left=4), False, True),
+    ):
+        seen = flight.tick(vehicle)
+        assert (seen.restarted, seen.left_offboard) == (restarted, left)

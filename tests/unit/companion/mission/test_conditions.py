@@ -188,3 +188,19 @@ def _changed(values: dict[str, float]) -> Situation:
     ours = {name: value for name, value in values.items() if not hasattr(vehicle, name)}
     theirs = {name: value for name, value in values.items() if hasattr(vehicle, name)}
     return replace(QUIET, vehicle=replace(vehicle, **theirs), **ours)  # type: ignore[arg-type]
+
+
+_IN_OFFBOARD = (State.ACQUIRING, State.APPROACHING, State.HOLDING)
+_RESTING = (State.IDLE, State.LATCHED, State.FAULT)
+
+
+@pytest.mark.parametrize("state", State)
+def test_a_mode_that_was_lost_and_is_back_is_lost(state: State) -> None:
+    """In the other states OFFBOARD is left by our own doing."""
+    left = conditions(state, replace(QUIET, left_offboard=True), LIMITS)
+    assert (Event.MODE_LOST in left) == (state in _IN_OFFBOARD or Event.MODE_LOST in conditions(state, QUIET, LIMITS))
+
+
+@pytest.mark.parametrize("state", State)
+def test_a_vehicle_that_has_restarted_is_nobodys(state: State) -> None:
+    assert (Event.MODE_LOST in conditions(state, replace(QUIET, restarted=True), LIMITS)) == (state not in _RESTING)
