@@ -118,15 +118,17 @@ def open_part(first: Path, metadata: Mapping[str, str], compression: Compression
 
 
 def remove_oldest(first: Path, budget_bytes: int) -> int:
-    """Removes the oldest finished files of a recording's name until all of them fit; how many went. Raises
-    CompanionError when they cannot be removed."""
+    """Removes the oldest finished files of a recording's name until all of them fit; how many went. One that is
+    another user's, and may not be read or removed by us, stays. Raises CompanionError when they cannot be listed."""
     removed = 0
     try:
         sizes = {path: path.stat().st_size for path in parts_beside(first)}
         for path in list(sizes):
             if sum(sizes.values()) <= budget_bytes:
                 break
-            if not _is_being_written(path):
+            if not _may_go(path):
+                continue
+            with contextlib.suppress(PermissionError):
                 path.unlink(missing_ok=True)
                 del sizes[path]
                 removed += 1
@@ -163,10 +165,11 @@ def _create(first: Path) -> BinaryIO:
         number += 1
 
 
-def _is_being_written(path: Path) -> bool:
-    with open_regular(path) as file:
-        try:
+def _may_go(path: Path) -> bool:
+    """Whether nobody writes it, as far as we can see."""
+    try:
+        with open_regular(path) as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-    return False
+    except OSError:
+        return False
+    return True
