@@ -111,6 +111,9 @@ def open_part(first: Path, metadata: Mapping[str, str], compression: Compression
         except OSError:
             with contextlib.suppress(OSError):
                 file.close()
+            if not first.is_char_device():
+                with contextlib.suppress(OSError):
+                    Path(file.name).unlink()
             raise
         return LogPart(file, writer)
     except OSError as error:

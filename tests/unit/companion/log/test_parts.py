@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from companion.core.streams import CSI
-from companion.log import parts
+from companion.errors import CompanionError
 from companion.log.parts import open_part, parts_beside, remove_oldest
+from csi_bridge.regular_file import open_regular
 
 
 def test_the_budget_takes_the_oldest_finished_files_and_no_others(tmp_path: Path) -> None:
@@ -39,7 +40,7 @@ def test_what_is_another_users_stays_and_keeps_nobody_from_recording(
     path = tmp_path / "log.mcap"
     for _ in range(4):
         open_part(path, {}, "zstd", 65536).finish()
-    unlink, read = Path.unlink, parts.open_regular
+    unlink, read = Path.unlink, open_regular
 
     def unlinked(one: Path, missing_ok: bool = False) -> None:
         if one.name == "log.1.mcap":
@@ -52,6 +53,18 @@ def test_what_is_another_users_stays_and_keeps_nobody_from_recording(
         return read(one)
 
     monkeypatch.setattr(Path, "unlink", unlinked)
-    monkeypatch.setattr(parts, "open_regular", opened)
+    monkeypatch.setattr("companion.log.parts.open_regular", opened)
     assert remove_oldest(path, 0) == 2
     assert [p.name for p in parts_beside(path)] == ["log.mcap", "log.1.mcap"]
+
+
+def test_a_part_that_cannot_be_begun_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a full disk one is tried every few seconds: each would leave an empty one."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("companion.log.parts.LogWriter", full)
+    with pytest.raises(CompanionError, match="No space left on device"):
+        open_part(tmp_path / "log.mcap", {}, "zstd", 65536)
+    assert list(tmp_path.iterdir()) == []
