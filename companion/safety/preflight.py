@@ -77,6 +77,10 @@ REQUIREMENTS: Final = (
         why="PX4 ends its takeoff so far from the height: one that is lower ends on the ground",
     ),
     Requirement(
+        name="COM_TAKEOFF_ACT", needed=Needed.COPTER, accepts=lambda v: v == 0, wanted="0 (hold)",
+        why="after a takeoff 1 flies the mission that is stored in PX4",
+    ),
+    Requirement(
         name="SYS_HAS_GPS", needed=Needed.GPS, accepts=lambda v: v == 1, wanted="1",
         why="autopilot.gps says that the position comes from GPS",
     ),

@@ -33,6 +33,7 @@ UAV_ID, BEACON_ID = 1, 2
 PARAMETERS = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
     "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 2.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8,
+    "COM_TAKEOFF_ACT": 0,
 }  # fmt: skip
 """Of an autopilot that preflight has nothing against."""
 AIRFRAME_S = 0.025

@@ -48,7 +48,7 @@ _MODES = {
     Mode.OFFBOARD: FlightMode.OFFBOARD, Mode.HOLD: FlightMode.HOLD, Mode.TAKEOFF: FlightMode.TAKEOFF,
     Mode.RTL: FlightMode.RETURN, Mode.LAND: FlightMode.LAND, Mode.POSCTL: FlightMode.MANUAL,
 }  # fmt: skip
-_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8}  # fmt: skip # noqa: E501
+_GOOD = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3, "GF_ACTION": 2, "SYS_HAS_GPS": 1, "EKF2_EV_CTRL": 0, "RTL_RETURN_ALT": 3.0, "GF_MAX_VER_DIST": 0.0, "NAV_MC_ALT_RAD": 0.8, "COM_TAKEOFF_ACT": 0}  # fmt: skip # noqa: E501
 
 
 class _Clock(ManualClock):

@@ -155,7 +155,9 @@ async def test_fault_32_the_lowest_battery_counts_and_an_unknown_one_refuses(
             assert not flight.report().armed
 
 
-@pytest.mark.parametrize(("parameter", "value"), [("RTL_RETURN_ALT", 30.0), ("NAV_MC_ALT_RAD", 1.5)])
+@pytest.mark.parametrize(
+    ("parameter", "value"), [("RTL_RETURN_ALT", 30.0), ("NAV_MC_ALT_RAD", 1.5), ("COM_TAKEOFF_ACT", 1)]
+)
 async def test_fault_33_heights_of_the_autopilots_own_are_looked_at_first(
     start: Start, parameter: str, value: float
 ) -> None:

@@ -30,7 +30,7 @@ def test_it_names_the_vehicle_and_its_parameters(tmp_path: Path) -> None:
     assert vehicle == ["OK", "vehicle", "system 1, px4 1.16.1"]
     assert arming == ["OK", "arming", "checks           PX4's own pass"]
     assert (
-        len(parameters) == 9 and ["OK", "COM_OBL_RC_ACT", "5"] in parameters and ["OK", "GF_ACTION", "2"] in parameters
+        len(parameters) == 10 and ["OK", "COM_OBL_RC_ACT", "5"] in parameters and ["OK", "GF_ACTION", "2"] in parameters
     )
 
 

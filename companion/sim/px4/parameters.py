@@ -15,6 +15,7 @@ DEFAULTS: Final[Parameters] = {
     "COM_OBL_RC_ACT": 0,
     "COM_OF_LOSS_T": 1.0,
     "COM_RC_OVERRIDE": 1,
+    "COM_TAKEOFF_ACT": 0,
     "EKF2_EVA_NOISE": 0.1,
     "EKF2_EVP_NOISE": 0.1,
     "EKF2_EVV_NOISE": 0.1,

@@ -34,6 +34,7 @@ _RIGHT = {
     "RTL_RETURN_ALT": 2.0,
     "GF_MAX_VER_DIST": 0.0,
     "NAV_MC_ALT_RAD": 0.1,
+    "COM_TAKEOFF_ACT": 0.0,
     "SYS_HAS_GPS": 0.0,
     "EKF2_EV_CTRL": 11.0,
     "EKF2_GPS_CTRL": 0.0,

@@ -154,7 +154,7 @@ def test_the_parameter_files_pass_the_preflight(name: str, gps: bool) -> None:
 _PX4_DEFAULTS: dict[str, float | str] = {
     "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "COM_RC_OVERRIDE": 1, "GF_ACTION": 2, "SYS_HAS_GPS": 1,
     "EKF2_EV_CTRL": 0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1, "RTL_RETURN_ALT": 30.0, "GF_MAX_VER_DIST": 0.0,
-    "NAV_MC_ALT_RAD": 0.8, "EKF2_EV_DELAY": 0.0,
+    "NAV_MC_ALT_RAD": 0.8, "EKF2_EV_DELAY": 0.0, "COM_TAKEOFF_ACT": 0,
 }  # fmt: skip
 
 
@@ -235,6 +235,7 @@ def test_a_parameter_that_cannot_be_read_is_named_with_what_is_wanted() -> None:
         ("RTL_RETURN_ALT", True, (0.1, 300.0), (0.0, -0.5, -2.0)),
         ("GF_MAX_VER_DIST", True, (0.0, 12.0), (-0.5, -1.0)),
         ("NAV_MC_ALT_RAD", True, (0.1, 3.0), (0.0, -0.5, -2.0)),
+        ("COM_TAKEOFF_ACT", True, (0,), (-1, 1, 2)),
         ("SYS_HAS_GPS", True, (1,), (-1, 0, 2)),
         ("EKF2_EV_CTRL", True, (0,), (-1, 1, 15)),
         ("SYS_HAS_GPS", False, (0,), (-1, 1)),
@@ -363,7 +364,7 @@ def test_a_rover_is_armed_in_hold_alone() -> None:
 
 def test_a_rover_needs_no_parameter_of_a_takeoff_or_of_heights() -> None:
     copter, rover = ({one.name for one in required_parameters(True, vehicle)} for vehicle in ("copter", "rover"))
-    assert copter - rover == {"RTL_RETURN_ALT", "GF_MAX_VER_DIST", "NAV_MC_ALT_RAD"}
+    assert copter - rover == {"RTL_RETURN_ALT", "GF_MAX_VER_DIST", "NAV_MC_ALT_RAD", "COM_TAKEOFF_ACT"}
     values = {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5.0, "COM_RC_OVERRIDE": 3.0, "GF_ACTION": 2.0, "SYS_HAS_GPS": 1.0,
               "EKF2_EV_CTRL": 0.0}  # fmt: skip
     assert list(parameter_problems(values, True, vehicle="rover")) == []

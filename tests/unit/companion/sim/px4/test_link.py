@@ -72,6 +72,7 @@ def test_a_parameter_of_the_wrong_type_is_ignored_without_an_answer() -> None:
         ("RTL_RETURN_ALT", 30.0), ("NAV_RCL_ACT", 2), ("MIS_TAKEOFF_ALT", 2.5), ("NAV_MC_ALT_RAD", 0.8),
         ("EKF2_EV_CTRL", 0), ("EKF2_HGT_REF", 1), ("EKF2_GPS_CTRL", 7), ("COM_OBL_RC_ACT", 0), ("COM_RC_OVERRIDE", 1),
         ("COM_OF_LOSS_T", 1.0), ("GF_ACTION", 2), ("GF_MAX_VER_DIST", 0.0), ("SYS_HAS_GPS", 1),
+        ("COM_TAKEOFF_ACT", 0),
     ],
 )  # fmt: skip
 def test_defaults_are_px4s(name: str, value: float) -> None:
