@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from companion.autopilot import px4_modes
-from companion.autopilot.px4_modes import flight_mode
+from companion.autopilot.px4_modes import flight_mode, left_offboard
 from companion.core.messages import FlightMode
 
 
@@ -43,3 +45,22 @@ def test_px4_modes_as_they_are_asked_for_and_told() -> None:
     ]
     assert told == [FlightMode.MANUAL, FlightMode.OTHER, FlightMode.TAKEOFF, FlightMode.OTHER]
     assert flight_mode(3 << 24) is FlightMode.OTHER and flight_mode(10 << 16 | 3 << 24) is FlightMode.OTHER
+
+
+@pytest.mark.parametrize(
+    ("before", "told", "times"),
+    [
+        ({}, {}, None),
+        ({}, {"mode": FlightMode.HOLD}, None),
+        ({"mode": FlightMode.OFFBOARD}, {"armed": True}, None),
+        ({"mode": FlightMode.OFFBOARD}, {"mode": FlightMode.OFFBOARD}, None),
+        ({"mode": FlightMode.HOLD}, {"mode": FlightMode.OFFBOARD}, None),
+        ({"mode": FlightMode.HOLD}, {"mode": FlightMode.LAND}, None),
+        ({"mode": FlightMode.RETURN}, {"mode": FlightMode.LAND}, None),
+        ({"mode": FlightMode.OFFBOARD}, {"mode": FlightMode.HOLD}, 1),
+        ({"mode": FlightMode.OFFBOARD, "offboard_left": 1}, {"mode": FlightMode.TAKEOFF}, 2),
+        ({"mode": FlightMode.OFFBOARD, "offboard_left": 2}, {"mode": FlightMode.HOLD}, 3),
+    ],
+)
+def test_how_often_offboard_was_left(before: dict[str, Any], told: dict[str, Any], times: int | None) -> None:
+    assert left_offboard(before, told) == ({} if times is None else {"offboard_left": times})
