@@ -163,7 +163,7 @@ def _same(path: str, ours: Any, theirs: Any, place_m: float) -> bool:
         return bool(ours == theirs)
     name = path.rpartition(".")[2].partition("[")[0]
     unit = max((unit for unit in TOLERANCES if name.endswith(unit)), key=len, default="")
-    if unit == "_m" and name in ("p_local_enu_m", "origin_local_enu_m"):
+    if name in ("p_local_enu_m", "origin_local_enu_m"):
         return bool(abs(ours - theirs) <= place_m)
     if name == "probability":
         return bool(abs(ours - theirs) <= RELATIVE)
