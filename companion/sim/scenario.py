@@ -171,6 +171,8 @@ class Scenario:
     start_distance_m: Positive = 15.0
     beacon_azimuth_rad: float | None = None
     """Where the beacon starts, seen from the origin; drawn from the seed when absent."""
+    beacon_floor_m: Annotated[float, Meta(ge=-2, le=2)] = 0.0
+    """By how much the ground the beacon drives on is above that which the vehicle starts from."""
     drive_azimuth_rad: float | None = None
     """Where the beacon drives (and looks); drawn from the seed when absent."""
     drive_speed_m_s: NotNegative = 0.1

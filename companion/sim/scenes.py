@@ -27,6 +27,10 @@ Array = npt.NDArray[np.float64]
 FLIGHT_HEIGHT_M: Final = 1.5
 """Ceilings are counted from here; missions fly at about this height."""
 _SCENE_STREAM: Final = 5
+_FLOOR_STREAM: Final = 6
+_UNEVEN_M: Final = 0.2
+"""Deviation of how much higher the ground is where the beacon stands: floors are not even, and a height above the
+ground that somebody configured is measured with a tape or guessed."""
 _WITHIN_M: Final = 0.7
 """A fence is set this far within the walls."""
 _SHADOWING_DB: Final = 3.0
@@ -65,13 +69,13 @@ class Scene:
 
 def open_ground(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
     """Nothing but the ground."""
-    return RadioScenario(reflectors=(_plane(rng, _UP, 0.0, _HALL_GAIN),))
+    return RadioScenario(reflectors=(_floor(rng, places_m),))
 
 
 def hall(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
     """A floor, and two walls at right angles 6 to 12 m beyond the places (N, 3), of gain 0.1 to 0.3 and any phase."""
     walls = _walls(rng, places_m, 2, _HALL_BEYOND_M, gain=_HALL_GAIN)
-    return RadioScenario(reflectors=(_plane(rng, _UP, 0.0, _HALL_GAIN), *walls))
+    return RadioScenario(reflectors=(_floor(rng, places_m), *walls))
 
 
 def hard_room(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
@@ -79,7 +83,7 @@ def hard_room(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenari
     phase; the floor of the hall."""
     walls = _walls(rng, places_m, 4, _HARD_BEYOND_M, gain=_HARD_GAIN)
     ceiling = _plane(rng, _UP, FLIGHT_HEIGHT_M + rng.uniform(*_HARD_BEYOND_M), _HARD_GAIN)
-    return RadioScenario(reflectors=(_plane(rng, _UP, 0.0, _HALL_GAIN), *walls, ceiling))
+    return RadioScenario(reflectors=(_floor(rng, places_m), *walls, ceiling))
 
 
 def furnished(rng: np.random.Generator, places_m: npt.ArrayLike) -> RadioScenario:
@@ -181,9 +185,11 @@ def _driving(base: Scenario, scene: Scene, rng: np.random.Generator) -> Scenario
     """Away from the vehicle or across its way, round a course that stays in the room."""
     azimuth_rad = rng.uniform(-math.pi, math.pi) if base.beacon_azimuth_rad is None else base.beacon_azimuth_rad
     drive_rad = azimuth_rad + rng.uniform(-math.pi / 2, math.pi / 2)
+    floor_rng = np.random.default_rng([base.seed, _FLOOR_STREAM])
     return replace(
         base,
         start_distance_m=scene.distance_m,
+        beacon_floor_m=float(floor_rng.normal(0.0, _UNEVEN_M)),
         beacon_azimuth_rad=azimuth_rad,
         drive_azimuth_rad=drive_rad if base.drive_azimuth_rad is None else base.drive_azimuth_rad,
         drive_speed_m_s=scene.drive_speed_m_s,
@@ -214,6 +220,11 @@ def _walls(
         nearest_m = float(np.max(np.asarray(places_m) @ np.array(normal)))
         walls.append(_plane(rng, normal, nearest_m + rng.uniform(*beyond_m), gain))
     return walls
+
+
+def _floor(rng: np.random.Generator, places_m: npt.ArrayLike) -> Reflector:
+    """Of the hall's gain, under all places (N, 3)."""
+    return _plane(rng, _UP, min(0.0, float(np.min(np.asarray(places_m)[:, 2]))), _HALL_GAIN)
 
 
 def _plane(rng: np.random.Generator, normal: Vector3, offset_m: float, gain: tuple[float, float]) -> Reflector:

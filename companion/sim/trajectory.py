@@ -98,7 +98,9 @@ class BeaconDrive:
         drawn = np.random.default_rng([scenario.seed, _BEACON_STREAM]).uniform(-math.pi, math.pi, 2)
         given = (scenario.beacon_azimuth_rad, scenario.drive_azimuth_rad)
         azimuth_rad, self.yaw_rad = (float(d) if g is None else g for g, d in zip(given, drawn, strict=True))
-        self._start_m = scenario.start_distance_m * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad), 0.0])
+        distance_m = scenario.start_distance_m
+        east_m, north_m = distance_m * math.cos(azimuth_rad), distance_m * math.sin(azimuth_rad)
+        self._start_m = np.array([east_m, north_m, scenario.beacon_floor_m])
         self._speed_m_s = scenario.drive_speed_m_s
         self._go_below_m = scenario.start_distance_m * scenario.drive_below_share
         self._go_after_m = scenario.drive_after_m
