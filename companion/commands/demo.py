@@ -15,7 +15,8 @@ from companion.commands.numbers import Number
 from companion.commands.output_files import PICTURE, check_writable, write_json
 from companion.commands.terminal import Console, wide_console
 from companion.errors import CompanionError
-from companion.sensing.worker_process import compile_kernel, is_compiled
+from companion.sensing.worker import is_compiled
+from companion.sensing.worker_process import compile_kernel
 from companion.sim.demo import DemoRun, refuse_flown, run_demo
 from companion.sim.demo_rows import DemoResult, summarise
 from companion.sim.sample import write_sample

@@ -7,12 +7,10 @@ import contextlib
 import logging
 import os
 import sys
-from pathlib import Path
 from typing import Final
 
 import msgspec
 
-import wsr
 from companion.core.output import Output
 from companion.errors import CompanionError
 from companion.host.child import tied
@@ -132,14 +130,8 @@ class AoaProcess:
             self.readiness.give(is_ready)
 
 
-def is_compiled() -> bool:
-    """Whether a worker finds machine code from before, as far as can be seen without starting one."""
-    place = os.environ.get("NUMBA_CACHE_DIR") or Path(wsr.__path__[0], "__pycache__")
-    return any(Path(place).glob("**/kernel.*.nbi"))
-
-
 async def compile_kernel(estimator: str) -> None:
-    """Has a worker start and end, so that the next one need not compile. Takes half a minute of processor time."""
+    """Has a worker start and end, so that the next one need not compile. Takes ten seconds and more of processor."""
     process = await _spawn(estimator)
     try:
         assert process.stdin is not None

@@ -21,13 +21,13 @@ def test_estimators_by_name() -> None:
         assert error_deg(estimate, source) < 2.0, name
 
 
-_PROGRAM = """
+_COMPILED = """
 import sys
 from numba.core.registry import CPUDispatcher
 import numpy as np
 from tests.unit.wsr.scene import WAVELENGTH_M, circle, exchange, weave
 from wsr.aperture import make_aperture
-from wsr.estimators import ESTIMATORS, warm_up
+from wsr.estimators import ESTIMATORS, compile_packets, compile_search, warm_up
 
 def compiled():
     found = {}
@@ -37,7 +37,8 @@ def compiled():
                 if isinstance(value, CPUDispatcher):
                     found[value.py_func.__module__, value.__name__] = len(value.signatures)
     return found
-
+"""
+_AFTER_THE_WARM_UP = """
 warm_up(sys.argv[1])
 before = compiled()
 for path in (weave(60), weave(220), weave(900), circle(300)):
@@ -55,7 +56,30 @@ assert not more, more
 )
 def test_nothing_is_compiled_after_the_warm_up(name: str) -> None:
     """The first real aperture must not be the one that compiles: the worker would be taken for one that hangs."""
+    _run(_AFTER_THE_WARM_UP, name)
+
+
+_IN_HALVES = """
+compile_search()
+searching = compiled()
+assert searching["wsr.search", "search"] == searching["wsr.skeleton", "_condense"] == 1, searching
+assert ("wsr.reciprocity", "_fold") not in searching, searching
+compile_packets()
+halves = compiled()
+assert halves["wsr.search", "search"] == halves["wsr.reciprocity", "_fold"] == halves["wsr.kernel", "_sum_up"] == 1
+warm_up("robust")
+again = [name for name, count in compiled().items() if halves.get(name, count) not in (count, 0)]
+assert not again, again
+"""
+
+
+def test_two_processes_share_out_what_the_worker_compiles() -> None:
+    """Each half has what the other has not, in the form in which the estimator wants it."""
+    _run(_IN_HALVES)
+
+
+def _run(program: str, *arguments: str) -> None:
     ended = subprocess.run(
-        [sys.executable, "-c", _PROGRAM, name], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-c", _COMPILED + program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert ended.returncode == 0, ended.stderr

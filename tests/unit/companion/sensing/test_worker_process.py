@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 from companion.sensing import worker_process
-from companion.sensing.worker_process import AoaProcess, compile_kernel, is_compiled
+from companion.sensing.worker import is_compiled
+from companion.sensing.worker_process import AoaProcess, compile_kernel
 from companion.sensing.worker_wire import AoaResult
 from wsr.aperture import Aperture, make_aperture
 from wsr.channel import wavelength_m
