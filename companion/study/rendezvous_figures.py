@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from companion.study.belief import share_in_band
+from companion.study.belief import PLACE_DEGREES, share_in_band
+from companion.study.chi_square import middle_95
 from companion.study.figures import draw_cdf
 from companion.study.rendezvous_rows import FALSE_M, FlownIteration, MissionRow
 from companion.study.shares import Share
@@ -29,6 +30,7 @@ _NUMBERS: Final = (
     "median_time_s",
     "overhead",
     "nees_in_band",
+    "nees_held_95",
     "nees_mean",
     "held_90",
     "aoa_mean_deg",
@@ -36,7 +38,7 @@ _NUMBERS: Final = (
 )
 _HEAD: Final = (
     "scene", "missions", "success %", "false arrival %", "unsaid %", "into a wall %", "median time s",
-    "of straight flight", "NEES in band", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
+    "of straight flight", "NEES in band", "of reports alone", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
 )  # fmt: skip
 
 SceneFigures = dict[str, float | None]
@@ -79,9 +81,11 @@ def _belief_figures(rows: Sequence[MissionRow]) -> SceneFigures:
     told = [[step.belief for step in row.steps if step.belief is not None] for row in rows]
     reports = [belief for mission in told for belief in mission]
     ranges, directions = [b.range_held for b in reports], [b.direction_held for b in reports]
+    low, high = middle_95(PLACE_DEGREES)
     return {
         "reports": len(reports),
         "nees_in_band": share_in_band([[b.nees for b in mission] for mission in told], min(_ENOUGH, len(rows))),
+        "nees_held_95": _mean([low <= b.nees <= high for b in reports]),
         "nees_mean": _mean([b.nees for b in reports]),
         "nees_median": _median([b.nees for b in reports]),
         "held_90": _mean([*ranges, *directions]),

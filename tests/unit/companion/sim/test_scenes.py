@@ -83,11 +83,26 @@ def test_hard_rooms_have_strong_walls_and_a_weak_direct_path(name: str, loss_db:
         floor, *others = radio.reflectors
         assert len(others) == 5
         assert all(0.3 <= plane.gain <= 0.6 for plane in others)
-        assert floor == Reflector((0.0, 0.0, 1.0), 0.0, floor.gain, floor.phase_rad)
+        assert floor.normal == (0.0, 0.0, 1.0)
         ceilings = [plane.offset_m for plane in others if plane.normal[2] == 1.0]
         assert len(ceilings) == 1
         assert 3.5 <= ceilings[0] <= 7.5
         assert -20 * math.log10(radio.direct_gain) == pytest.approx(loss_db)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_robot_stands_a_little_higher_or_lower_than_the_vehicle_and_the_floor_is_under_both(name: str) -> None:
+    steps_m = []
+    for seed in range(100):
+        scenario = set_in(scene(seed), name)
+        steps_m.append(scenario.beacon_floor_m)
+        (floor,) = (p for p in scenario.radio.reflectors if p.normal[2] == 1.0 and p.offset_m <= 0.0)
+        assert floor.offset_m == min(0.0, scenario.beacon_floor_m)
+        drive = BeaconDrive(scenario)
+        drive.watch(0.0, 0.0, 99.0)
+        assert set(drive.trajectory(0.0, 60.0).p_enu_m[:, 2]) == {scenario.beacon_floor_m}
+    assert np.mean(steps_m) == pytest.approx(0.0, abs=0.06)
+    assert np.std(steps_m) == pytest.approx(0.2, abs=0.04)
 
 
 def test_furniture_is_in_the_room_and_not_on_the_robots() -> None:
