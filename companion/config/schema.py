@@ -205,6 +205,7 @@ class MissionConfig:
     yaw: Literal["fixed", "target"] = "fixed"
     """Keep the heading of the start, or turn the nose to the target."""
     takeoff_height_m: Annotated[float, Meta(ge=0.5, le=20)] = 1.5
+    """From near it is left for one from which a target far below or above can be arrived at."""
     speed_m_s: Annotated[float, Meta(ge=0.02, le=2)] = 0.5
     acceleration_m_s2: Annotated[float, Meta(ge=0.05, le=10)] = 0.8
     lateral_weave_m: Annotated[float, Meta(ge=0, le=5)] = 0.12

@@ -280,7 +280,8 @@ class Flight:
         self.knowledge.note_blind_leg()
         self._sar.abandon()
         if vehicle.p_local_enu_m is not None:
-            self._begin_path(inside(vehicle.p_local_enu_m, self._gate.limits), vehicle)
+            here_m = inside(vehicle.p_local_enu_m, self._gate.limits, self._frame.ground_m)
+            self._begin_path(here_m, vehicle)
 
     def _begin_path(self, p_m: Vector3, vehicle: VehicleState) -> None:
         v_m_s = vehicle.v_local_enu_m_s or (0.0, 0.0, 0.0)

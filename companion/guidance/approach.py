@@ -26,6 +26,9 @@ _CIRCLE_M: Final = 0.35
 _LEAST_CIRCLE_M: Final = 0.8
 """and on the level not nearer than this: its height is known less well than its place, and from above it has no
 azimuth."""
+_WITHIN: Final = 0.75
+"""Of the range of arrival: so near in space the vehicle comes on its circle, and leaves its height for it where a
+target is too far below or above. The rest is room for what is not known."""
 _SURE_WEAVE: Final = 0.4
 """The share of the weave that is left while the direction is sure."""
 _NEAR_WEAVE: Final = 0.5
@@ -90,7 +93,7 @@ class Approach:
         self._choose(aim, others_m)
         wished = self._wished(aim) if moving else (0.0, 0.0, 0.0)
         wished = clear_of(wished, self._motion.p_m, others_m, self._limits.min_neighbour_m)
-        self._motion.step(kept_inside(wished, self._motion.p_m, self._limits), elapsed_s)
+        self._motion.step(kept_inside(wished, self._motion.p_m, self._limits, self._ground_m), elapsed_s)
         gone_m = math.hypot(*self._motion.v_m_s) * min(elapsed_s, _LONGEST_TICK_S)
         self._phase_rad += self._turn_per_m * gone_m
         self._searched_m += gone_m
@@ -153,8 +156,20 @@ class Approach:
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
         if drives:
             return ve, vn, 0.0
+        return ve, vn, climb(self._motion.p_m[2], self._height_m(aim), mission.speed_m_s / 2) + up
+
+    def _height_m(self, aim: Aim | None) -> float:
+        """The height it took off to; from near one from which the target can be seen to be within the range of arrival,
+        on a slope of 1 : 1, and a little above the least height."""
+        mission = self._mission
         height_m = self._ground_m + mission.takeoff_height_m
-        return ve, vn, climb(self._motion.p_m[2], height_m, mission.speed_m_s / 2) + up
+        if aim is None:
+            return height_m
+        within_m = max(self._away_m, _WITHIN * mission.arrival_range_m)
+        most_m = math.sqrt(max(0.0, within_m**2 - _LEAST_CIRCLE_M**2)) + max(0.0, aim.distance_m - _LEAST_CIRCLE_M)
+        target_m = self._motion.p_m[2] + aim.above_m
+        least_m = self._ground_m + self._limits.min_height_m + _FENCE_MARGIN_M + mission.vertical_weave_m
+        return max(min(height_m, least_m), min(max(height_m, target_m - most_m), target_m + most_m))
 
     def _begin_search_at(self, heading_rad: float) -> None:
         """Where the next search begins: along the way it is flown now."""
@@ -182,10 +197,10 @@ def _near_weave(aim: Aim) -> float:
     return _NEAR_WEAVE * max(0.0, min(1.0, (far_m - aim.distance_m) / (far_m - near_m)))
 
 
-def inside(p_local_enu_m: Vector3, limits: GateLimits) -> Vector3:
-    """The place itself, or the nearest to it that lies a little inside the fence and above the least height: where to
-    stand, and to begin the next leg, after the gate has refused one."""
-    low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], limits.min_height_m))
+def inside(p_local_enu_m: Vector3, limits: GateLimits, ground_m: float = 0.0) -> Vector3:
+    """The place itself, or the nearest to it that lies a little inside the fence and above the least height over the
+    ground (Up): where to stand, and to begin the next leg, after the gate has refused one."""
+    low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], ground_m + limits.min_height_m))
     kept = (
         max(a + margin, min(b - margin, p))
         for p, a, b in zip(limits.in_box_axes(p_local_enu_m), low, limits.fence_max_m, strict=True)

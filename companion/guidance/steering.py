@@ -72,8 +72,9 @@ def climb(p_up_m: float, wanted_up_m: float, most_m_s: float) -> float:
     return max(-most_m_s, min(most_m_s, _HEIGHT_PER_S * (wanted_up_m - p_up_m)))
 
 
-def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
-    """The velocity without what would take it too near to the fence, box and cylinder, or to the least height."""
+def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits, ground_m: float = 0.0) -> Vector3:
+    """The velocity without what would take it too near to the fence, box and cylinder, or to the least height above the
+    ground (Up)."""
     if limits.on_ground:
         v_m_s, p_m = (v_m_s[0], v_m_s[1], 0.0), (p_m[0], p_m[1], 0.0)
     (low_x, low_y, low_z), (high_x, high_y, high_z) = limits.fence_min_m, limits.fence_max_m
@@ -81,7 +82,7 @@ def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits) -> Vector3:
     kept = (
         _kept_between(low_x, high_x, px, vx),
         _kept_between(low_y, high_y, py, vy),
-        _kept_between(max(low_z, limits.min_height_m), high_z, pz, vz),
+        _kept_between(max(low_z, ground_m + limits.min_height_m), high_z, pz, vz),
     )
     x, y, z = limits.in_enu_axes(kept)
     out_m = math.hypot(p_m[0], p_m[1])

@@ -38,10 +38,11 @@ def test_the_nose_is_kept_or_turned_slowly_to_the_target(yaw: Literal["fixed", "
     assert max(abs(b - a) for a, b in itertools.pairwise(yaws)) <= math.radians(30) / 20 + 1e-9
 
 
-def _flown(approach: Approach, target_m: Vector3, ticks: int, known: bool = True) -> list[Setpoint]:
+def _flown(
+    approach: Approach, target_m: Vector3, ticks: int, known: bool = True, place: Vector3 = (0.0, 0.0, 1.5)
+) -> list[Setpoint]:
     """Set points of a vehicle that follows exactly, towards a target that it knows where to find."""
     flown: list[Setpoint] = []
-    place = (0.0, 0.0, 1.5)
     for tick in range(ticks):
         east, north = target_m[0] - place[0], target_m[1] - place[1]
         aim = (
@@ -50,6 +51,7 @@ def _flown(approach: Approach, target_m: Vector3, ticks: int, known: bool = True
                 distance_m=math.hypot(east, north),
                 distance_std_m=0.3,
                 sureness=1.0,
+                above_m=target_m[2] - place[2],
             )
             if known
             else None
@@ -63,7 +65,7 @@ def _flown(approach: Approach, target_m: Vector3, ticks: int, known: bool = True
 def test_it_flies_to_the_target_without_a_stop_and_stays_around_it() -> None:
     approach = Approach(MissionConfig(), LIMITS, 1.2)
     approach.start((0.0, 0.0, 1.5), 0.0)
-    flown = _flown(approach, (10.0, 4.0, 0.5), 1200)
+    flown = _flown(approach, (10.0, 4.0, 1.5), 1200)
     away = [math.hypot(10.0 - s.p_local_enu_m[0], 4.0 - s.p_local_enu_m[1]) for s in flown if s.p_local_enu_m]
     near = next(tick for tick, m in enumerate(away) if m < 2.0)
     assert near / 20 < 1.2 * (math.hypot(10, 4) - 2) / 0.5
@@ -72,6 +74,42 @@ def test_it_flies_to_the_target_without_a_stop_and_stays_around_it() -> None:
     assert min(speeds[20:]) > 0.25 and max(speeds) < 0.65
     heights = [s.p_local_enu_m[2] for s in flown if s.p_local_enu_m]
     assert all(1.2 < h < 1.8 for h in heights)
+
+
+@pytest.mark.parametrize(("takeoff_m", "target_up_m"), [(3.0, 0.2), (1.5, -0.3), (1.5, 3.5), (1.5, 0.5)])
+def test_from_near_it_leaves_its_height_for_one_from_which_it_can_arrive(takeoff_m: float, target_up_m: float) -> None:
+    approach = Approach(MissionConfig(takeoff_height_m=takeoff_m), LIMITS, 1.2)
+    approach.start((0.0, 0.0, takeoff_m), 0.0)
+    target_m = (10.0, 4.0, target_up_m)
+    flown = _flown(approach, target_m, 1200, place=(0.0, 0.0, takeoff_m))
+    places_m = np.array([s.p_local_enu_m for s in flown])
+    apart_m = np.linalg.norm(places_m - target_m, axis=1)
+    assert apart_m[-200:].max() < 1.85 and apart_m.min() > LIMITS.min_neighbour_m + 0.1
+    afar = np.hypot(*(places_m - target_m)[:, :2].T) > 4.0
+    assert np.abs(places_m[afar, 2] - takeoff_m).max() < 0.3
+    kept_m = places_m[-200:, 2] - takeoff_m
+    assert np.abs(kept_m).max() < 0.3 or abs(target_up_m - takeoff_m) > 1.3
+
+
+@pytest.mark.parametrize("ground_m", [0.0, 2.0, -3.0])
+def test_it_comes_down_no_farther_than_the_least_height_and_climbs_again_to_search(ground_m: float) -> None:
+    approach = Approach(MissionConfig(), replace(LIMITS, fence_min_m=(-50, -50, -9)), 1.2)
+    start_m = (0.0, 0.0, ground_m + 1.5)
+    approach.start(start_m, 0.0, ground_m)
+    flown = _flown(approach, (3.0, 0.0, ground_m - 2.0), 1200, place=start_m)
+    heights_m = np.array([s.p_local_enu_m for s in flown])[:, 2] - ground_m
+    assert heights_m.min() > LIMITS.min_height_m + 0.1 and heights_m[-1] < 1.3
+    found = [approach.setpoint((1200 + k) * _TICK_NS, None, True).p_local_enu_m for k in range(200)]
+    assert found[-1] is not None
+    assert found[-1][2] - ground_m == pytest.approx(1.5, abs=0.2)
+
+
+def test_a_low_flight_is_not_lifted_to_come_down() -> None:
+    mission = MissionConfig(takeoff_height_m=0.65)
+    approach = Approach(mission, LIMITS, 1.2)
+    approach.start((0.0, 0.0, 0.65), 0.0)
+    low = np.array([s.p_local_enu_m for s in _flown(approach, (5.0, 0.0, -1.0), 600, place=(0.0, 0.0, 0.65))])[:, 2]
+    assert low.max() < 1.2
 
 
 def _scatter(rng: np.random.Generator, places_m: np.ndarray) -> Scatter:
@@ -165,6 +203,7 @@ def test_after_a_refusal_it_stands_inside_the_fence() -> None:
     assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))
     assert inside((0.0, 0.0, 9.0), limits)[2] == pytest.approx(4.7)
     assert inside((0.0, 0.0, 0.1), limits)[2] == pytest.approx(0.8)
+    assert inside((0.0, 0.0, 1.6), limits, ground_m=1.0)[2] == pytest.approx(1.8)
     turned = replace(limits, fence_yaw_deg=90.0)  # nine metres to the North now, and four to the East
     assert inside((5.0, 0.0, 1.5), turned) == pytest.approx((3.7, 0.0, 1.5))
     assert kept_inside((0.5, 0.0, 0.0), (4.5, 0.0, 1.5), turned)[0] < 0.0

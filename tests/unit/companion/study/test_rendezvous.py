@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from companion.study import rendezvous
+from companion.study import rendezvous, virtual_mission
 from companion.study.catalogue import study
 from companion.study.study import Settings
 from companion.study.trials import trial_seed
@@ -53,6 +54,18 @@ def test_a_wall_ends_a_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     row = one.trial(one.plan(Settings(1, DATA, ("hall",)))[0], trial_seed(SEED, 1))
     assert (row.end, row.left_room, row.arrived_m, row.succeeded) == ("crashed", True, None, False)
     assert row.time_s < 10.0
+
+
+def test_from_high_up_a_vehicle_comes_down_to_where_it_can_say_that_it_has_arrived(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three metres up, a robot on the floor is never within two metres."""
+    usual = virtual_mission.config()
+    high = replace(usual, mission=replace(usual.mission, takeoff_height_m=3.0))
+    monkeypatch.setattr(virtual_mission, "config", lambda: high)
+    one = study("rendezvous")
+    row = one.trial(one.plan(Settings(1, DATA, ("open",)))[0], trial_seed(SEED, 1))
+    assert row.succeeded, (row.end, row.closest_m)
 
 
 def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
