@@ -157,8 +157,8 @@ class ApertureConfig:
     silent_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0
     """Without packets or without datagrams of the target for so long, the vehicle holds."""
     blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
-    """After so many apertures' worth of path without a bearing that may steer, the vehicle holds; after holding so
-    often, it lands."""
+    """After so many apertures' worth of path without a bearing that may steer, the vehicle holds and tries again; after
+    so many holds it waits, and is left as mission.lost_target says."""
     min_reliability: Fraction = 0.1
     """A bearing below this says little; alone it does not steer."""
     worker_timeout_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
@@ -173,7 +173,7 @@ class AutopilotConfig:
     gps: bool = True
     """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
     forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0
-    """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more."""
+    """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more; least 20."""
     origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
     """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
     place for its hold and return, and takes declination and strength of the magnetic field from it."""
