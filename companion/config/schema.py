@@ -217,7 +217,7 @@ class MissionConfig:
     ] = 0.2
     """Below this share of charge the vehicle lands."""
     limit_s: Annotated[float, Meta(ge=1, le=86400)] = 900.0
-    """Longest approach, after which the vehicle lands."""
+    """Longest approach without a hold, after which the vehicle lands."""
     hold_limit_s: Annotated[float, Meta(ge=1, le=3600)] = 60.0
     """After holding for so long without the target the vehicle is left as lost_target says."""
     arrival_range_m: Annotated[float, Meta(ge=0.1, le=100)] = 2.0
