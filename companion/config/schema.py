@@ -73,7 +73,7 @@ class PoseConfig:
     reader_command: list[str] = field(default_factory=list)
     """Program and arguments of the camera's reader, which the service starts and restarts; empty where systemd does."""
     recording: str = ""
-    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z and, where known, qx, qy, qz, qw."""
+    """Trajectory of `source: recording`, z up, in any format of docs/recordings.md: TUM, CSV, a rosbag2."""
     natnet: NatNetConfig = field(default_factory=NatNetConfig)
     north: Literal["config", "autopilot"] = "config"
     """Who knows where North is: north_yaw_deg, or the autopilot's heading over a still period before the flight."""
@@ -192,7 +192,7 @@ class AutopilotConfig:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     control: Literal["observe", "fly"] = "observe"
-    """`observe` computes and logs everything and sends nothing; only `fly` can be engaged."""
+    """`observe` computes and logs everything and commands nothing; only `fly` can be engaged."""
     leave: Literal["hold", "land", "return"] = "hold"
     """What the autopilot is left in at the target."""
     lost_target: Literal["return", "land"] = "return"
