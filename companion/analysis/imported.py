@@ -33,18 +33,17 @@ from companion.errors import CompanionError
 from companion.host.whole_file import whole_file
 from companion.log import foxglove
 from companion.log.export import export as export_flight
-from companion.log.export import refuse_other_content
+from companion.log.export import file_record, refuse_other_content
 from companion.log.reader import LogScan, Progress, Session
 from companion.log.writer import LogWriter
 from companion.pose.trajectory_columns import TrajectoryError
 from csi_bridge.dat_frames import DatFileError
-from csi_bridge.encoder import encode_file_record
 from csi_bridge.replay import read_tape
 
 RECORDING: Final = "recording"
 _PEER: Final = "/peer/"
 _TX_TRAJECTORY: Final = "_tx_trajectory_"
-_FILES: Final = {".dat": "dat", ".csv": "csv", ".json": "csv"}
+_FILES: Final = {".dat": "dat", ".csi": "dat", ".csv": "csv", ".json": "csv"}
 """What of a recording's own files belongs to which format."""
 _Timed = tuple[int, int, Stream, object]
 
@@ -146,28 +145,28 @@ def export(
 def export_files(
     session: Session, folder: Path, wanted: tuple[str, ...], on_cut: Callable[[Path], None] | None = None
 ) -> list[Path]:
-    """The files of a recording again, those of the suffixes `wanted`: .dat of both ends, trajectories (.csv), truth
-    (.json), below `folder` as their data set has them. Raises OSError, and CompanionError where files of other content
-    are there."""
+    """The files of a recording again, those of the suffixes `wanted`: CSI of both ends (.dat, or .csi of an AX card),
+    trajectories (.csv), truth (.json), below `folder` as their data set has them. Raises OSError, and CompanionError
+    where files of other content are there."""
     scene = scene_of(session)
     place = _place(folder, scene)
     place.mkdir(parents=True, exist_ok=True)
-    csi: dict[str, list[tuple[int, bytes]]] = {}
+    csi: dict[tuple[str, str], list[tuple[int, bytes]]] = {}
     poses: dict[str, list[str]] = {}
     tx_poses: dict[str, list[str]] = {}
     for message in session.messages(on_cut=on_cut):
         if message.topic.endswith(CSI.topic):
-            record = encode_file_record(message.data[0], message.data[1:])
-            csi.setdefault(_name_of(message.topic), []).append((message.sequence, record))
+            suffix, record = file_record(message.data)
+            csi.setdefault((_name_of(message.topic), suffix), []).append((message.sequence, record))
         elif message.topic.startswith(POSE.topic + "/"):
             poses.setdefault(message.topic.rpartition("/")[2], []).append(_csv_row(message.data))
         elif message.topic.startswith(_PEER) and message.topic.endswith(POSE.topic):
             name = _plain_name(message.topic.removeprefix(_PEER).removesuffix(POSE.topic))
             tx_poses.setdefault(name, []).append(_csv_row(message.data))
     files: dict[Path, bytes] = {}
-    for name, records in csi.items():
+    for (name, suffix), records in csi.items():
         in_order = sorted(records, key=lambda numbered: numbered[0])
-        files[place / f"csi_{name}_{scene.stamp}.dat"] = b"".join(record for _, record in in_order)
+        files[place / f"csi_{name}_{scene.stamp}{suffix}"] = b"".join(record for _, record in in_order)
     for kind, rows in poses.items():
         prefix = "" if kind == PoseKind.MOCAP else f"{kind}_"
         files[place / f"{prefix}rx_trajectory_{scene.stamp}_.csv"] = "".join(rows).encode()
@@ -187,7 +186,7 @@ def export_run(session: Session, folder: Path) -> tuple[Run, ImportedScene]:
     """All files of a recording below `folder`, as the run they are. Raises OSError, and CompanionError for a log
     without a run."""
     scene = scene_of(session)
-    export_files(session, folder, (".dat", ".csv", ".json"))
+    export_files(session, folder, tuple(_FILES))
     place = _place(folder, scene)
     moving = {path.name.partition(_TX_TRAJECTORY)[0]: path for path in place.glob(f"*{_TX_TRAJECTORY}*.csv")}
     return replace(_run_at(place, scene), tx_trajectories=moving), scene
@@ -243,23 +242,21 @@ def _place(folder: Path, scene: ImportedScene) -> Path:
 
 
 def _run_at(place: Path, scene: ImportedScene) -> Run:
-    rx = place / f"csi_rx_{scene.stamp}.dat"
+    ends = (f"_{scene.stamp}.dat", f"_{scene.stamp}.csi")
+    logs = {path.name[len("csi_") : -len(ends[0])]: path for path in place.glob("csi_*") if path.name.endswith(ends)}
     if not scene.loose:
-        if not any(place.glob(f"csi_*_{scene.stamp}.dat")):
+        if not logs:
             raise RecordingError(f"run {scene.stamp}: its log holds no CSI")
         run = next(run for run in find_runs(place) if run.stamp == scene.stamp)
         # Beside it stand no other runs: what is above the folder is not of this recording.
         return replace(run, trajectories={k: p for k, p in run.trajectories.items() if p.parent == place})
-    names = {
-        path.name.removeprefix("csi_").removesuffix(f"_{scene.stamp}.dat"): path for path in place.glob("csi_*.dat")
-    }
-    trajectory = next(place.glob("*rx_trajectory*.csv"), None)
-    if trajectory is None or not rx.is_file():
+    rx, trajectory = logs.get("rx"), next(place.glob("*rx_trajectory*.csv"), None)
+    if trajectory is None or rx is None:
         raise RecordingError(
             f"run {scene.stamp}: its log holds no {'CSI of the receiving robot' if trajectory else 'trajectory'}"
         )
     run = loose_run(rx, (), trajectory)
-    return replace(run, tx={name: path for name, path in names.items() if name != "rx"}, stamp=scene.stamp)
+    return replace(run, tx={name: path for name, path in logs.items() if name != "rx"}, stamp=scene.stamp)
 
 
 def _refuse_foreign(name: str, rx: Path, tx: Path, given: str | None) -> None:

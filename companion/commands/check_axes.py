@@ -81,7 +81,7 @@ def _north(answer: dict[str, Any]) -> tuple[float | None, str]:
     """The angle between the autopilot's heading and the poses', and a line about it."""
     heading_rad = answer["autopilot_yaw_rad"]
     if heading_rad is None:
-        return None, "north: the autopilot tells no heading; compare with a compass by hand"
+        return None, "north: no autopilot tells a heading; compare with a compass by hand"
     yaw_rad = float(yaw_of(answer["q_enu_from_body"]))
     error_deg = math.degrees(float(wrap_angle(yaw_rad - heading_rad)))
     verdict = "right" if abs(error_deg) <= _NORTH_DEG else f"more than {_NORTH_DEG:g}: set pose.north_yaw_deg anew"

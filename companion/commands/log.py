@@ -69,7 +69,8 @@ def repair(path: Path, out: Path | None) -> None:
 @click.option("--ros2", is_flag=True, help="A rosbag2 folder (MCAP) of standard messages; alone unless --to is given.")
 @click.option("--out", type=_file, default=Path("export"), show_default=True, help="Folder for the files.")
 def export(path: Path, formats: tuple[str, ...], ros2: bool, out: Path) -> None:
-    """TUM trajectories, CSV tables, .dat of the CSI tool, NumPy arrays. An imported run gives its files back."""
+    """TUM trajectories, CSV tables, CSI logs (.dat, .csi of an AX card), NumPy arrays. An imported run gives its files
+    back."""
     from companion.analysis.imported import export as write
     from companion.log.export import FORMATS, ROS2
     from companion.log.reader import open_session, understood

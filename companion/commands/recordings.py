@@ -27,7 +27,7 @@ def run_options(command: _Command) -> _Command:
             click.option("--run", "stamps", multiple=True, metavar="TS", help="Only the runs of this time stamp."),
             click.option("--rx", type=_file, help="CSI log of the receiving robot (loose files)."),
             click.option("--tx", type=_file, multiple=True, help="CSI log of a transmitter (loose files)."),
-            click.option("--traj", type=_file, help="Trajectory CSV of the receiving robot (loose files)."),
+            click.option("--traj", type=_file, help="Trajectory of the receiving robot (loose files)."),
         )
     ):
         command = option(command)

@@ -73,7 +73,7 @@ class PoseConfig:
     reader_command: list[str] = field(default_factory=list)
     """Program and arguments of the camera's reader, which the service starts and restarts; empty where systemd does."""
     recording: str = ""
-    """Trajectory file of `source: recording`: TUM, or CSV with sec, nsec, x, y, z and, where known, qx, qy, qz, qw."""
+    """Trajectory of `source: recording`, z up, in any format of docs/recordings.md: TUM, CSV, a rosbag2."""
     natnet: NatNetConfig = field(default_factory=NatNetConfig)
     north: Literal["config", "autopilot"] = "config"
     """Who knows where North is: north_yaw_deg, or the autopilot's heading over a still period before the flight."""
@@ -157,8 +157,8 @@ class ApertureConfig:
     silent_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0
     """Without packets or without datagrams of the target for so long, the vehicle holds."""
     blind_legs: Annotated[int, Meta(ge=1, le=20)] = 3
-    """After so many apertures' worth of path without a bearing that may steer, the vehicle holds; after holding so
-    often, it lands."""
+    """After so many apertures' worth of path without a bearing that may steer, the vehicle holds and tries again; after
+    so many holds it waits, and is left as mission.lost_target says."""
     min_reliability: Fraction = 0.1
     """A bearing below this says little; alone it does not steer."""
     worker_timeout_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
@@ -173,7 +173,7 @@ class AutopilotConfig:
     gps: bool = True
     """Whether the autopilot's position comes from GPS, else from our poses: decides which parameters are required."""
     forward_vio_hz: Annotated[float, Meta(ge=0, le=100)] = 0.0
-    """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more."""
+    """How often our poses are sent to its estimator (ODOMETRY); 0 for never. Without GPS 30 or more; least 20."""
     origin_deg: tuple[Latitude, Longitude] = (47.3977, 8.5456)
     """Without GPS: about where on Earth the vehicle is (latitude, longitude); the nearest town will do. PX4 needs a
     place for its hold and return, and takes declination and strength of the magnetic field from it."""
@@ -192,7 +192,7 @@ class AutopilotConfig:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     control: Literal["observe", "fly"] = "observe"
-    """`observe` computes and logs everything and sends nothing; only `fly` can be engaged."""
+    """`observe` computes and logs everything and commands nothing; only `fly` can be engaged."""
     leave: Literal["hold", "land", "return"] = "hold"
     """What the autopilot is left in at the target."""
     lost_target: Literal["return", "land"] = "return"
@@ -218,7 +218,7 @@ class MissionConfig:
     ] = 0.2
     """Below this share of charge the vehicle lands."""
     limit_s: Annotated[float, Meta(ge=1, le=86400)] = 900.0
-    """Longest approach, after which the vehicle lands."""
+    """Longest approach without a hold, after which the vehicle lands."""
     hold_limit_s: Annotated[float, Meta(ge=1, le=3600)] = 60.0
     """After holding for so long without the target the vehicle is left as lost_target says."""
     arrival_range_m: Annotated[float, Meta(ge=0.1, le=100)] = 2.0

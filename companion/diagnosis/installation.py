@@ -21,6 +21,8 @@ from csi_bridge.regular_file import read_regular
 SERVICE_USER: Final = "companion"
 _UNITS: Final = Path("etc/systemd/system")
 _CONFIGURE: Final = "companion-setup configure, as root"
+_ACTIVATE: Final = "companion-setup activate VERSION, as root; companion-setup versions lists them"
+"""Configuring leaves the unit itself as it is."""
 _TIMEOUT_S: Final = 10
 
 
@@ -69,7 +71,7 @@ def _unit(config: Config, unit: str, root: Path) -> Iterator[Check]:
     except OSError as error:
         yield Check("unit", False, f"{unit}: {error.strerror}", "sudo make install")
         return
-    yield Check("unit", same, f"{unit}{'' if same else ' is of another version'}", "" if same else _CONFIGURE)
+    yield Check("unit", same, f"{unit}{'' if same else ' is of another version'}", "" if same else _ACTIVATE)
     try:
         fits = (root / _UNITS / f"{unit}.d" / "10-configuration.conf").read_text().strip() == drop_in(config).strip()
     except OSError:

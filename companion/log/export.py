@@ -1,4 +1,4 @@
-"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, NumPy, a rosbag2.
+"""A log in the formats of other tools: TUM trajectories, CSV, .dat of the CSI tool, .csi of FeitCSI, NumPy, a rosbag2.
 
 Of a merged log each robot's streams have files of their own, with its name before theirs (`beacon_pose.tum`).
 """
@@ -23,12 +23,13 @@ from companion.log.reader import LoggedMessage, Progress, Session
 from companion.log.ros2 import FOLDER, Ros2Exporter
 from companion.sensing.records import ApertureRecord
 from csi_bridge.encoder import encode_file_record
+from csi_bridge.feitcsi.records import FEITCSI_CODE
 from csi_bridge.regular_file import read_regular
 
 FORMATS: Final = ("tum", "csv", "dat", "npz")
 """Those that need no extra."""
 ROS2: Final = "ros2"
-_EXACT: Final = frozenset({".tum", ".csv", ".dat"})
+_EXACT: Final = frozenset({".tum", ".csv", ".dat", ".csi"})
 """Files that the same log gives again to the byte."""
 _TOPICS: Final = tuple(sorted((stream.topic for stream in STREAMS), key=len, reverse=True))
 _TRAJECTORY: Final = POSE.topic + "/"
@@ -67,6 +68,13 @@ def refuse_other_content(new: Mapping[Path, Path | bytes]) -> None:
         is_there = path.is_file()
         if is_there and read_regular(path) != (read_regular(content) if isinstance(content, Path) else content):
             raise CompanionError(f"{path}: is there already, with other content; choose another folder")
+
+
+def file_record(data: bytes) -> tuple[str, bytes]:
+    """How the files end that hold records such as this one of `/csi`, and how it stands in them: those of FeitCSI one
+    behind the other, those of the CSI tool with their length and code before them."""
+    code, body = data[0], data[1:]
+    return (".csi", body) if code == FEITCSI_CODE else (".dat", encode_file_record(code, body))
 
 
 def _written(
@@ -158,7 +166,7 @@ class _Csv:
 
 
 class _Dat:
-    """csi.dat as the CSI tool's logger writes it."""
+    """csi.dat as the CSI tool's logger writes it, or csi.csi as FeitCSI's."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -166,8 +174,8 @@ class _Dat:
 
     def take(self, robot: str, topic: str, message: LoggedMessage) -> None:
         if topic == CSI.topic:
-            record = encode_file_record(message.data[0], message.data[1:])
-            self._records.setdefault(f"{robot}csi.dat", []).append(record)
+            suffix, record = file_record(message.data)
+            self._records.setdefault(f"{robot}csi{suffix}", []).append(record)
 
     def finish(self) -> list[Path]:
         paths = [self._folder / name for name in self._records]

@@ -37,7 +37,8 @@ _TRIES_AFTER_S: Final = 5.0
 _FLIGHT_STATES: Final = frozenset(_EXPECTED_MODES)
 _IN_OFFBOARD: Final = frozenset({State.ACQUIRING, State.APPROACHING, State.HOLDING})
 _ENGAGED_STATES: Final = _FLIGHT_STATES | {State.PREFLIGHT}
-_TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
+TIME_LIMITS_S: Final = {State.PREFLIGHT: 10.0, State.TAKING_OFF: 90.0, State.LANDING: 120.0}
+"""Of other states the configuration says it, or there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,4 +136,4 @@ def _time_limit_s(state: State, limits: ConditionLimits) -> float:
         return limits.approach_s
     if state is State.HOLDING:
         return limits.hold_s
-    return _TIME_LIMITS_S.get(state, math.inf)
+    return TIME_LIMITS_S.get(state, math.inf)

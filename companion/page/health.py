@@ -157,7 +157,7 @@ def _worker(look: HealthLook) -> Iterator[Item]:
     if look.worker_ready is False:
         yield Item(BAD, "AOA worker", "does not answer", "it is started again; the first start compiles for a minute")
     if look.gate:
-        yield Item(WARNING, "gate", f"refuses: {'; '.join(look.gate)}", "docs/guidance.md says what each means")
+        yield Item(WARNING, "gate", f"refuses: {'; '.join(look.gate)}", "docs/safety.md says what it lets pass")
 
 
 def _tag_camera(look: HealthLook) -> Iterator[Item]:

@@ -52,7 +52,12 @@ async def serve_beacon(config: Config, clock: EventClock, recorder: Recorder, en
 
 
 async def _answer(node: Node, team: TeamOf, command: str) -> dict[str, Any]:
-    if command != "status":
-        return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status"}
-    about = introduction(node.config, "live")
-    return {"ok": True, "about": about, "state": "beacon", "team": team.status(), "health": asdict(node.health())}
+    match command:
+        case "status":
+            health = asdict(node.health())
+            about = introduction(node.config, "live")
+            return {"ok": True, "about": about, "state": "beacon", "team": team.status(), "health": health}
+        case "pose":
+            node.read()
+            return node.intake.answer(None)
+    return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status, pose"}

@@ -24,7 +24,6 @@ from companion.pose.port import PoseSink
 from companion.roles.ground import Ground
 from companion.roles.inputs import LiveInputs
 from companion.roles.live import LiveStreams
-from companion.roles.node import Node
 from companion.roles.page import Page
 from companion.roles.tag_camera import TagCamera
 from companion.roles.tak import Tak
@@ -131,7 +130,7 @@ async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> d
             uav.flight.wishes.abort()
             return {"ok": True, "error": ""}
         case "pose":
-            return _pose_answer(uav.node, uav.autopilot.state().yaw_enu_rad)
+            return uav.node.intake.answer(uav.autopilot.state().yaw_enu_rad)
     return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
 
 
@@ -139,10 +138,3 @@ def _take_tags(uav: Uav, frame: TagFrame) -> None:
     """Our poses up to the frame first: it is judged by the nearest one."""
     uav.node.read()
     uav.take_tags(frame)
-
-
-def _pose_answer(node: Node, autopilot_yaw_rad: float | None) -> dict[str, Any]:
-    pose, problem = node.intake.newest, node.intake.problem()
-    if pose is None or problem:
-        return {"ok": False, "error": f"no poses to check: {problem or node.intake.north_problem()}"}
-    return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}

@@ -10,7 +10,14 @@ from typing import Final
 
 from companion.autopilot.batteries import FRESH_S
 from companion.core.inputs import Event
-from companion.mission.conditions import BATTERY_UNKNOWN_S, HEARTBEAT_LOST_S, MODE_LOST_S, SLEPT_S, STALLED_S
+from companion.mission.conditions import (
+    BATTERY_UNKNOWN_S,
+    HEARTBEAT_LOST_S,
+    MODE_LOST_S,
+    SLEPT_S,
+    STALLED_S,
+    TIME_LIMITS_S,
+)
 from companion.pose.health import HealthLimits
 
 _TICK_S: Final = 0.05
@@ -67,7 +74,12 @@ FAULTS: Final[dict[Event, Fault]] = {
     ),
     Event.PREFLIGHT_FAILED: Fault("before arming", "the preflight's list", "the list is worked off; then " + _PERSON),
     Event.LANDED: Fault("0.25 s", "EXTENDED_SYS_STATE", _PERSON),
-    Event.TIMEOUT: Fault("the state's limit", "the time in the state", "it has landed; then " + _PERSON),
+    Event.TIMEOUT: Fault(
+        "mission.limit_s of acquiring or approaching; mission.hold_limit_s of holding; "
+        + ", ".join(f"{limit_s:g} s of {state}" for state, limit_s in TIME_LIMITS_S.items()),
+        "the time in the state",
+        "it has landed; then " + _PERSON,
+    ),
     Event.POSE_STALE: Fault(
         "pose.stale_s", "the age of the newest usable pose", "fresh poses, by itself after 5 s of holding"
     ),

@@ -36,7 +36,6 @@ _COVERED_BY = {
     "companion/core/recorder.py": "unit/companion/log/test_recorder.py",
     "companion/flight/records.py": "unit/companion/flight/test_knowledge.py",
     "companion/live/server.py": "unit/companion/roles/test_live.py",
-    "companion/roles/beacon_service.py": "sitl/test_demo.py",
     "companion/roles/fed.py": "unit/companion/roles/test_page.py",
     "companion/roles/health.py": "unit/test_foxglove_layout.py",
     "companion/roles/node.py": "faults/test_long_mission.py",

@@ -23,6 +23,7 @@ from companion.errors import CompanionError
 from companion.log.reader import metadata_of, open_session
 from companion.log.repair import copy
 from companion.log.writer import LogWriter
+from companion.sim.sample import write_sample
 from tests.csi_records import needs_data
 from tests.faults.campaigns import FULL, recordings
 from tests.synthetic_run import TX_MAC, RunFolder
@@ -61,6 +62,19 @@ def test_a_run_comes_back_from_its_log_and_gives_the_same_bearing(run: RunFolder
     assert found.rx is not None
     assert back.rx.read_bytes() == found.rx.read_bytes()[: back.rx.stat().st_size]
     assert (back.stamp, back.set_name, scene.problems) == (found.stamp, found.set_name, ())
+
+
+def test_an_ax_cards_recording_gives_its_own_files_back(tmp_path: Path) -> None:
+    """FeitCSI's records have no frame around them: with that of the CSI tool each would be damaged."""
+    write_sample(tmp_path / "wide", 1, 20)
+    (found,) = find_runs(tmp_path / "wide")
+    import_run(found, tmp_path / "run.mcap", Options())
+    back, _ = export_run(open_session(tmp_path / "run.mcap"), tmp_path / "back")
+    assert found.rx is not None and back.rx is not None and back.rx.name == found.rx.name
+    assert back.rx.read_bytes() == found.rx.read_bytes()
+    assert {name: path.read_bytes() for name, path in back.tx.items()} == {
+        name: path.read_bytes() for name, path in found.tx.items()
+    }
 
 
 def test_the_commands_import_replay_and_report(run: RunFolder, tmp_path: Path, run_cli: Callable[..., str]) -> None:

@@ -46,7 +46,9 @@ def test_units_of_this_version_and_configuration_are_right(config: Config, tmp_p
     assert found["unit"].ok and found["unit's permissions"].ok
     assert found["service"].ok is None and found["at boot"].remedy == "systemctl enable companion.service"
     (folder / "companion.service").write_text("[Service]\n")
-    assert _checks(config, tmp_path)["unit"].found == "companion.service is of another version"
+    other = _checks(config, tmp_path)["unit"]
+    assert other.found == "companion.service is of another version"
+    assert other.remedy.startswith("companion-setup activate VERSION, as root")
 
 
 def test_pings_that_the_unit_does_not_permit_are_told(config: Config, tmp_path: Path) -> None:

@@ -11,6 +11,9 @@ from companion.core.streams import CSI, POSE_IN
 from companion.log.reader import open_session
 from companion.log.writer import LogWriter
 from csi_bridge.dat import read_dat
+from csi_bridge.feitcsi.encoder import encode_record
+from csi_bridge.feitcsi.records import FEITCSI_CODE
+from tests.feit_records import read_log, record, same
 from tests.flight_logs import deaf_log
 from tests.log_commands import FLIGHT, Run
 
@@ -55,3 +58,16 @@ def test_what_is_left_of_a_cut_log_is_exported_and_said_to_be_cut(companion: Run
     assert code == 0 and "cut.mcap: cut off or damaged; what can be read of it is exported" in err
     assert len(np.loadtxt(tmp_path / "x" / "pose.tum")) > 100
     assert "cut off" not in companion("log", "export", FLIGHT, "--to", "tum", "--out", tmp_path / "y")[2]
+
+
+def test_a_flight_with_an_ax_card_gives_a_log_of_feitcsi(companion: Run, tmp_path: Path) -> None:
+    records = [record(seed=number, stamp_us=10_000 * number) for number in range(5)]
+    with (tmp_path / "ax.mcap").open("wb") as file:
+        writer = LogWriter(file, {"role": "uav", "name": "uav", "config": "{}"})
+        for number, one in enumerate(records):
+            writer.write(CSI, number, number, number, message=bytes([FEITCSI_CODE]) + encode_record(one))
+        writer.finish()
+    companion("log", "export", tmp_path / "ax.mcap", "--to", "dat", "--out", tmp_path / "out")
+    found = read_log(tmp_path / "out" / "csi.csi")
+    assert found.damaged_count == 0 and len(found.records) == len(records)
+    assert all(same(a, b) for a, b in zip(found.records, records, strict=True))
