@@ -58,6 +58,7 @@ def test_a_robot_is_installed_upgraded_rolled_back_and_left_alone(root: CleanRoo
     assert "peers[0].key_file: /etc/companion/beacon.key: cannot read the key" in said and said.count("_file:") == 1
     assert root.run("grep -c 'GROUP=\"plugdev\"' /etc/udev/rules.d/60-companion-t265.rules") == "2\n"
     assert root.run("head -1 /opt/companion/1.0/bin/companion") == "#!/opt/companion/1.0/bin/python\n"
+    assert "`doctor system`" in root.run("cat /opt/companion/1.0/share/doc/troubleshooting.md")
     assert "/.new" not in root.run("cat /opt/companion/1.0/pyvenv.cfg /opt/companion/1.0/bin/activate")
 
     # Everything is ready but what no machine without the parts can have.
