@@ -112,7 +112,7 @@ class Knowledge:
         self.targets.select(peer)
         self._detour.begin_anew()
         if self.camera is not None:
-            self.camera.begin_anew()
+            self.camera.select()
         self._packets, self._blind_legs, self._tries = 0, 0.0, 0
         _log.info("the target is %s", self.neighbour.name)
 
