@@ -81,8 +81,12 @@ class CameraLead:
         self._places.clear()
 
     def begin_anew(self) -> None:
-        """A mission begins, or another robot is the target."""
+        """A mission begins."""
         self._targets.forget()
+        self._near_ns = None
+
+    def select(self) -> None:
+        """Another robot is the target. Where all of them are seen stays: the one before is to be kept clear of."""
         self._near_ns = None
 
     def take(self, frame: TagFrame) -> None:

@@ -112,7 +112,7 @@ class Knowledge:
         self.targets.select(peer)
         self._detour.begin_anew()
         if self.camera is not None:
-            self.camera.begin_anew()
+            self.camera.select()
         self._packets, self._blind_legs, self._tries = 0, 0.0, 0
         _log.info("the target is %s", self.neighbour.name)
 
@@ -139,11 +139,12 @@ class Knowledge:
         return self.targets.others() + (() if self.camera is None else self.camera.known_places(self._target))
 
     def take_tags(self, frame: TagFrame) -> None:
-        """The camera has looked. While it leads, path without a bearing of the radio is not blind."""
+        """The camera has looked. While it leads, path without a bearing of the radio is not blind. An image without a
+        tag decides nothing: it is in no log."""
         if self.camera is None:
             return
         self.camera.take(frame)
-        if self.camera.place(self._target) is not None and self._sar.is_measuring:
+        if frame.tags and self.camera.place(self._target) is not None and self._sar.is_measuring:
             self._blind_legs, self._tries = 0.0, 0
             self._course.report(Event.BEARING)
 

@@ -294,7 +294,7 @@ class Flight:
             _log.warning("the vehicle set its position anew by %.2f, %.2f, %.2f m; the path moves along", *delta_m)
             self._approach.shift(delta_m)
             self.knowledge.shift(delta_m)
-            self._sar.abandon()
+            self._sar.shift(delta_m)
 
     def _report(self, event: Event | None, reason: str) -> None:
         """What a command ended in, and why it failed."""

@@ -141,9 +141,17 @@ class Wishes:
         return "; ".join(f"{robot.name}: {problem}" for problem in self._engagement.not_heard(robot))
 
     async def _refusal(self, robot: Neighbour | None) -> str:
-        if self._course.state not in (State.IDLE, State.LATCHED):
-            return f"the mission is {self._course.state} already"
+        if under_way := self._under_way():
+            return under_way
         aborts = self._aborts
         missing = self._engagement.not_ready(robot) + await self._engagement.parameter_problems()
-        # Reading parameters takes a moment, and an abort means nothing to a mission that is still at rest.
+        # Reading parameters takes a moment. Whoever else engaged meanwhile flies to the robot that he named; and an
+        # abort means nothing to a mission that is still at rest.
+        if under_way := self._under_way():
+            return under_way
         return "; ".join(missing + (["it was aborted meanwhile"] if self._aborts != aborts else []))
+
+    def _under_way(self) -> str:
+        """Why nobody can engage now; empty while the mission is at rest."""
+        state = self._course.state
+        return "" if state in (State.IDLE, State.LATCHED) else f"the mission is {state} already"

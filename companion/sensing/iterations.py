@@ -79,6 +79,8 @@ class SarIterations:
         self._drift = drift
         self._local = History(_LOCAL_CAPACITY, 3)
         self._pending: dict[int, tuple[int, ApertureReport]] = {}
+        self._moved_m: Vector3 = (0.0, 0.0, 0.0)
+        """By how much the local frame was set anew since these were cut."""
         self._begun_ns: int | None = None
         self._finished_ns: int | None = None
         self._looked_ns = 0
@@ -99,6 +101,13 @@ class SarIterations:
     def abandon(self) -> None:
         """Nothing comes of the flight so far: the next aperture begins after the next `begin`."""
         self._begun_ns = None
+
+    def shift(self, delta_enu_m: Vector3) -> None:
+        """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere, those of apertures
+        that are being computed too. No aperture may span the step."""
+        x, y, z = (moved + delta for moved, delta in zip(self._moved_m, delta_enu_m, strict=True))
+        self._moved_m = x, y, z
+        self.abandon()
 
     @property
     def is_measuring(self) -> bool:
@@ -129,7 +138,7 @@ class SarIterations:
             self._cut(start_ns, end_ns)
 
     def _cut(self, start_ns: int, end_ns: int) -> None:
-        self._finished_ns = self._clock.now_ns()
+        self._finished_ns, self._moved_m = self._clock.now_ns(), (0.0, 0.0, 0.0)
         spoiled = self._pose_problem(start_ns, end_ns)
         for neighbour in self._neighbours.values():
             report = self._window.cut(neighbour, start_ns, end_ns)
@@ -233,10 +242,11 @@ class SarIterations:
         )
 
     def _local_position(self, t_ns: int) -> Vector3 | None:
+        """Where the vehicle was, in the frame of now: `t_ns` is before the frame was set anew."""
         times, rows = self._local.between(t_ns, t_ns)
         if not len(times):
             return None
-        x, y, z = (float(np.interp(t_ns, times, rows[:, axis])) for axis in range(3))
+        x, y, z = (float(np.interp(t_ns, times, rows[:, axis])) + self._moved_m[axis] for axis in range(3))
         return x, y, z
 
 

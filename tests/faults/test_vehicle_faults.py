@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from companion.core.clock import NS_PER_S
 from companion.mission.table import State
+from companion.sensing.records import Iteration
 from companion.sim.px4.commander import Mode
 from tests.faults.figures import record
 from tests.faults.virtual_flight import VirtualFlight
@@ -270,6 +271,24 @@ async def test_fault_37_an_estimate_that_is_set_anew_moves_our_path_along(
         assert moved_m < 0.25 and fastest_m_s < 0.4
         heights_m = [p[2] for p, _ in flight.truths[since:]]
         assert max(heights_m) - min(heights_m) < 0.25
+
+
+async def test_fault_37_a_bearing_that_is_being_computed_meanwhile_is_moved_along(start: Start) -> None:
+    async with _flying(start()) as flight:
+        assert await flight.engage() == ""
+        await flight.until(State.APPROACHING)
+        await flight.seconds_until(lambda: bool(flight.worker.waiting))
+        late, flight.worker.waiting = flight.worker.waiting, []
+        flight.order("reset 0 6 0")
+        await flight.run(0.5)
+        found: list[Iteration] = []
+        flight.uav.sar.iterations.connect(found.append)
+        for answer in late:
+            flight.uav.sar.take_answer(answer)
+        assert found and flight.state.p_local_enu_m is not None
+        for one in found:
+            assert one.p_local_enu_m is not None
+            assert math.dist(one.p_local_enu_m, flight.state.p_local_enu_m) < 1.5
 
 
 async def test_fault_38_a_clock_of_ours_that_stood_still_latches(start: Start) -> None:

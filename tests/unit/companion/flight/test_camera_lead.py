@@ -159,6 +159,19 @@ def test_another_frame_or_another_mission_leaves_nothing_behind() -> None:
     assert flown.lead.where(_PEER) is None
 
 
+def test_another_target_is_not_near_by_the_one_before_which_is_kept_clear_of_all_the_same() -> None:
+    flown = _Flown()
+    flown.fly(1.0)
+    near: Vector3 = (2.5, 0.0, 0.0)
+    assert flown.lead.is_near(_PEER, near) is False
+    flown.fly(1.0)
+    where_m = flown.lead.where(_PEER)
+    assert where_m is not None and flown.lead.is_near(_PEER, near) is True
+    flown.lead.select()
+    assert flown.lead.known_places(besides=_OTHER) == (where_m,)
+    assert flown.lead.is_near(_PEER, near) is False, "it begins anew"
+
+
 def test_the_same_frames_are_judged_the_same() -> None:
     first, second = _Flown(), _Flown()
     for flown in (first, second):

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
+from companion.camera.sighting import Tag, TagFrame
 from companion.core.inputs import Event
+from tests.unit.companion.camera.tags import TAG
 from tests.unit.companion.flight.known import OTHER, TARGET, Known, iteration
 
 
@@ -95,3 +99,22 @@ def test_another_target_is_heard_by_its_own_packets_and_owes_nothing_to_the_one_
     known.knowledge.note_blind_leg()
     known.knowledge.select(OTHER)
     assert known.knowledge.blind_legs == 1.0, "it is the target already"
+
+
+class _Camera:
+    """It leads."""
+
+    def take(self, frame: TagFrame) -> None: ...
+
+    def place(self, peer: int) -> object:
+        return object()
+
+
+@pytest.mark.parametrize(("tags", "blind"), [((TAG,), 0.0), ((), 1.0)])
+def test_an_image_without_a_tag_which_no_log_holds_decides_nothing(tags: tuple[Tag, ...], blind: float) -> None:
+    known = Known()
+    known.knowledge.camera = _Camera()  # type: ignore[assignment]
+    known.knowledge.note_blind_leg()
+    known.knowledge.take_tags(TagFrame(t_mono_ns=1, family="tag36h11", tags=tags))
+    assert known.knowledge.blind_legs == blind
+    assert known.course.worst([]) is (Event.BEARING if tags else None)

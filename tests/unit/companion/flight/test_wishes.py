@@ -107,6 +107,20 @@ async def test_an_abort_while_parameters_are_read_stands_against_it() -> None:
     assert await engaging == "it was aborted meanwhile"
 
 
+async def test_who_is_overtaken_while_parameters_are_read_engages_nobody_and_turns_the_flight_to_no_other_robot() -> (
+    None
+):
+    asked = _Asked()
+    asked.engagement.read.clear()
+    engaging = asyncio.create_task(asked.wishes.engage("beta"))
+    await asyncio.sleep(0)
+    for event in (Event.ENGAGE, Event.PREFLIGHT_PASSED):  # by the switch, to alpha
+        asked.course.step(event, _NOW_NS)
+    asked.engagement.read.set()
+    assert await engaging == "the mission is taking_off already"
+    assert asked.wishes.target == "alpha" and asked.course.worst([]) is None
+
+
 async def test_what_was_granted_before_the_host_slept_is_not_wanted_any_more() -> None:
     asked = _Asked()
     assert await asked.wishes.engage() == ""

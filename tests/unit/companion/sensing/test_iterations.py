@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from companion.config.schema import ApertureConfig
@@ -15,9 +18,12 @@ from companion.neighbours.neighbour import Neighbour
 from companion.sensing.iterations import SarIterations
 from companion.sensing.lookalikes import Lookalikes
 from companion.sensing.records import Iteration
-from companion.sensing.window import SarWindow
+from companion.sensing.window import ApertureReport, SarWindow
+from companion.sensing.worker_wire import AoaResult
 from companion.study.virtual_parts import InlineWorker, NullRecorder
 from tests.manual_clock import ManualClock
+from tests.unit.companion.flight.known import iteration
+from wsr.aperture import Aperture
 from wsr.channel import wavelength_m
 
 _SPEED_M_S = 0.5
@@ -93,3 +99,85 @@ def test_what_apertures_without_a_bearing_saw_is_news_to_the_next_one() -> None:
     found = _iterations(6.0)
     assert found[-1].start_ns < found[-2].end_ns and all(one.bearing() is None for one in found)
     assert [one.fresh for one in found] == [1.0] * len(found)
+
+
+class _Slow:
+    """A worker that has answered nothing yet."""
+
+    def __init__(self) -> None:
+        self.ready = asyncio.Event()
+        self.asked = 0
+
+    def submit(self, peer: int, aperture: Aperture) -> int:
+        self.asked += 1
+        return self.asked - 1
+
+
+class _Heard(SarWindow):
+    """Each aperture is one that the worker can be asked about."""
+
+    def cut(self, neighbour: Neighbour, start_ns: int, end_ns: int) -> ApertureReport:
+        t_s = np.linspace(0.0, (end_ns - start_ns) / NS_PER_S, 20)
+        aperture = Aperture(
+            t_s=t_s, chi_m=np.outer(t_s, (1.0, 0.0, 0.0)), channel=np.ones(20, complex), wavelength_m=0.05,
+            reference_p_m=(0.0, 0.0, 0.0), reference_t_s=0.0,
+        )  # fmt: skip
+        return ApertureReport(
+            peer=neighbour.id, start_ns=start_ns, end_ns=end_ns, received=20, power_dbm=-50.0, dropped={},
+            aperture=aperture, peer_t_s=t_s, peer_p_m=np.zeros((20, 3)), peer_boot=1,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("delta_m", [0.0, 8.0])
+def test_what_is_computed_while_the_local_frame_is_set_anew_was_seen_from_where_that_place_is_now(
+    delta_m: float,
+) -> None:
+    clock = ManualClock(NS_PER_S)
+    window = _Heard(antenna_m=(0.0, 0.0, 0.0), wavelength_m=0.05, min_packets=10, max_pose_gap_s=0.05)
+    worker, begun_ns = _Slow(), clock.now_ns()
+    sar = SarIterations(
+        window=window,
+        worker=worker,
+        neighbours={2: Neighbour(2, "beacon")},
+        config=ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3),
+        clock=EventClock(clock),
+        recorder=NullRecorder(),
+        lookalikes=Lookalikes({2: "beacon"}),
+        pose_problem=lambda start_ns, end_ns: "",
+    )
+    found: list[Iteration] = []
+    sar.iterations.connect(found.append)
+
+    def fly(offset_m: float) -> None:
+        clock.advance(0.02)
+        now_ns = clock.now_ns()
+        gone_m = _SPEED_M_S * (now_ns - begun_ns) / NS_PER_S
+        window.add_pose(
+            Pose(
+                t_mono_ns=now_ns,
+                p_enu_m=(gone_m, 0.0, 1.0),
+                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+                v_enu_m_s=(_SPEED_M_S, 0.0, 0.0),
+                confidence=3,
+            )
+        )
+        sar.add_local_position(now_ns, (gone_m, offset_m, 1.0))
+        sar.slide(now_ns)
+
+    sar.begin()
+    while not worker.asked:
+        fly(0.0)
+    fly(delta_m)
+    sar.shift((0.0, delta_m, 0.0))
+    sar.begin()
+    fly(delta_m)
+    estimate = iteration().estimate
+    assert estimate is not None
+    sar.take_answer(AoaResult(id=0, peer=2, compute_s=0.1, estimate=replace(estimate, reference_t_s=0.5)))
+    (one,) = found
+    gone_m = _SPEED_M_S * (one.reference_ns - begun_ns) / NS_PER_S
+    assert one.p_local_enu_m == pytest.approx((gone_m, delta_m, 1.0))
+    while worker.asked < 2:
+        fly(delta_m)
+    sar.take_answer(AoaResult(id=1, peer=2, compute_s=0.1, estimate=replace(estimate, reference_t_s=0.5)))
+    assert found[-1].p_local_enu_m is not None and found[-1].p_local_enu_m[1] == pytest.approx(delta_m)
