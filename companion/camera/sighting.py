@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import msgspec
+import numpy as np
 
 from companion.core.messages import Vector3
 
@@ -75,11 +76,20 @@ def decode(data: bytes) -> TagFrame:
         numbers = (*tag.p_camera_m, *tag.other_p_camera_m, *(value for row in tag.covariance_m2 for value in row))
         if not _are_sane((*numbers, tag.margin, tag.contrast, tag.error_px, tag.other_error_px)):
             raise SightingError(f"tag {tag.id} is not finite, or farther than {_MOST_M:g} m")
+        if not _may_be_covariance(tag.covariance_m2):
+            raise SightingError(f"tag {tag.id} has a covariance that is negative, or not symmetric")
     return frame
 
 
 def _are_sane(numbers: Iterable[float]) -> bool:
     return all(math.isfinite(number) and abs(number) < _MOST_M for number in numbers)
+
+
+def _may_be_covariance(matrix_m2: Matrix) -> bool:
+    """But for what rounding does: what is sure in some direction has no variance there."""
+    matrix = np.array(matrix_m2)
+    rounding = 1e-9 * max(1e-6, float(np.abs(matrix).max()))
+    return bool(np.abs(matrix - matrix.T).max() <= rounding and np.linalg.eigvalsh(matrix)[0] >= -rounding)
 
 
 _DECODER: Final = msgspec.json.Decoder(TagFrame)

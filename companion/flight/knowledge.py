@@ -224,8 +224,9 @@ class Knowledge:
         return self.age_s() > self._config.silent_s or late or self._blind_legs >= self._config.blind_legs
 
     def begin_anew(self) -> None:
-        """A mission begins: places of the one before count no more."""
+        """A mission begins: bearings and places of the one before count no more."""
         self.targets.forget()
+        self._iterations.clear()
         if self.camera is not None:
             self.camera.begin_anew()
         self._blind_legs, self._tries = 0.0, 0

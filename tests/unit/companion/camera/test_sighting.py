@@ -10,6 +10,9 @@ import pytest
 from companion.camera.sighting import MAX_BYTES, MAX_TAGS, SightingError, TagFrame, decode, encode
 from tests.unit.companion.camera.tags import TAG
 
+_NEGATIVE = ((1e-4, 0.0, 0.0), (0.0, -1e-4, 0.0), (0.0, 0.0, 1e-4))
+_ASKEW = ((1e-4, 1e-5, 0.0), (0.0, 1e-4, 0.0), (0.0, 0.0, 1e-4))
+_SURE_IN_TWO = ((1e-4, 1e-4, 0.0), (1e-4, 1e-4, 0.0), (0.0, 0.0, 0.0))
 _FRAME = TagFrame(t_mono_ns=5, family="tag36h11", tags=(TAG,))
 
 
@@ -17,6 +20,8 @@ def test_a_frame_comes_out_as_it_went_in_and_a_full_one_fits() -> None:
     assert decode(encode(_FRAME)) == _FRAME
     full = replace(_FRAME, tags=(replace(TAG, p_camera_m=(math.pi, -math.pi, 1e-17)),) * MAX_TAGS)
     data = encode(full)
+    sure = replace(_FRAME, tags=(replace(TAG, covariance_m2=_SURE_IN_TWO),))
+    assert decode(encode(sure)) == sure
     assert decode(data) == full and len(data) < MAX_BYTES
 
 
@@ -29,6 +34,8 @@ def test_a_frame_comes_out_as_it_went_in_and_a_full_one_fits() -> None:
         (encode(replace(_FRAME, tags=(TAG,) * (MAX_TAGS + 1))), "17 tags in one image, expected 16 at most"),
         (encode(replace(_FRAME, t_mono_ns=-1)), "expected 0 or more"),
         (encode(replace(_FRAME, tags=(replace(TAG, p_camera_m=(0.0, 0.0, 2e3)),))), "farther than 1000 m"),
+        (encode(replace(_FRAME, tags=(replace(TAG, covariance_m2=_NEGATIVE),))), "covariance that is negative"),
+        (encode(replace(_FRAME, tags=(replace(TAG, covariance_m2=_ASKEW),))), "or not symmetric"),
         (encode(_FRAME).replace(b"0.8", b"1e999"), "finite|range"),
     ],
 )

@@ -66,6 +66,15 @@ def test_it_is_stale_when_the_target_is_silent_or_the_worker_hangs() -> None:
     assert known.knowledge.is_stale(), "its datagrams are still missing"
 
 
+def test_the_bearing_of_a_mission_is_none_of_the_next() -> None:
+    known = Known()
+    known.hear(TARGET)
+    known.knowledge.add_iteration(iteration())
+    assert not known.knowledge.is_stale()
+    known.knowledge.begin_anew()
+    assert known.knowledge.iteration is None and known.knowledge.is_stale()
+
+
 def test_a_bearing_of_a_flight_that_was_broken_off_lifts_no_hold() -> None:
     known = Known()
     known.hear(TARGET)
