@@ -31,6 +31,9 @@ from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
 _BEARING_LATE_S: Final = 1.5
+_REFUSED_S: Final = 10.0
+"""Iterations that were refused are told of no more often: of a vehicle that stands where it is measured there are four
+a second, for hours. The flight's log holds each."""
 _GRANTED: Final = 2.0
 """Apertures' worth of path after a hold: the first may still lack what was missing before."""
 _FOUND: Final = 0.15
@@ -87,6 +90,9 @@ class Knowledge:
         self._flown_ns = 0
         """The end of the path that blind legs have been counted of: apertures overlap."""
         self._tries = 0
+        self._refused = 0
+        self._told_ns: int | None = None
+        """When somebody was told of a refused iteration; so many more were refused since."""
         self._iterations: dict[int, Iteration] = {}
 
     @property
@@ -248,8 +254,17 @@ class Knowledge:
         self._blind_legs += max(0, fresh_ns) / max(1, iteration.end_ns - iteration.start_ns)
         self._flown_ns = max(self._flown_ns, iteration.end_ns)
         if iteration.estimate is None:
-            _log.warning("SAR iteration %d refused: %s", iteration.number, iteration.refusal)
+            self._tell_refusal(iteration)
             return
         if steers and self._sar.is_measuring:  # not of a flight that was broken off since
             self._blind_legs, self._tries = 0.0, 0
             self._course.report(Event.BEARING)
+
+    def _tell_refusal(self, iteration: Iteration) -> None:
+        now_ns = self._clock.now_ns()
+        if age_s(self._told_ns, now_ns) < _REFUSED_S:
+            self._refused += 1
+            return
+        before = f", as were {self._refused} before" if self._refused else ""
+        _log.warning("SAR iteration %d refused: %s%s", iteration.number, iteration.refusal, before)
+        self._refused, self._told_ns = 0, now_ns

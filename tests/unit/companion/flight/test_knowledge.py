@@ -66,6 +66,20 @@ def test_it_is_stale_when_the_target_is_silent_or_the_worker_hangs() -> None:
     assert known.knowledge.is_stale(), "its datagrams are still missing"
 
 
+def test_refused_iterations_are_told_of_now_and_then(caplog: pytest.LogCaptureFixture) -> None:
+    """A vehicle that stands where it is measured has four a second, for hours."""
+    known = Known()
+    for number in range(100):
+        known.knowledge.add_iteration(iteration(reliability=None, number=number, refusal="no path"))
+        known.clock.advance(0.25)
+    told = [record.getMessage() for record in caplog.records]
+    assert told == [
+        "SAR iteration 0 refused: no path",
+        "SAR iteration 40 refused: no path, as were 39 before",
+        "SAR iteration 80 refused: no path, as were 39 before",
+    ]
+
+
 def test_the_bearing_of_a_mission_is_none_of_the_next() -> None:
     known = Known()
     known.hear(TARGET)
