@@ -27,18 +27,18 @@ from wsr.aperture import Aperture
 from wsr.channel import wavelength_m
 
 _SPEED_M_S = 0.5
+_CONFIG = ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3)
 
 
-def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = math.inf) -> list[Iteration]:
-    """Of a straight flight past a neighbour that nobody hears; the autopilot's frame is turned against the poses."""
-    clock = ManualClock(NS_PER_S)
-    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
-    config = ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3)
+def _measuring(
+    window: SarWindow, worker: InlineWorker | _Slow, clock: ManualClock
+) -> tuple[SarIterations, list[Iteration]]:
+    """Iterations of a neighbour, and where they are found."""
     sar = SarIterations(
         window=window,
-        worker=InlineWorker(config.estimator, clock),
+        worker=worker,
         neighbours={2: Neighbour(2, "beacon")},
-        config=config,
+        config=_CONFIG,
         clock=EventClock(clock),
         recorder=NullRecorder(),
         lookalikes=Lookalikes({2: "beacon"}),
@@ -46,21 +46,31 @@ def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = mat
     )
     found: list[Iteration] = []
     sar.iterations.connect(found.append)
+    return sar, found
+
+
+def _pose(t_ns: int, gone_m: float) -> Pose:
+    return Pose(
+        t_mono_ns=t_ns,
+        p_enu_m=(gone_m, 0.0, 1.0),
+        q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
+        v_enu_m_s=(_SPEED_M_S, 0.0, 0.0),
+        confidence=3,
+    )
+
+
+def _iterations(until_s: float, turned_rad: float = 0.0, jumps_at_s: float = math.inf) -> list[Iteration]:
+    """Of a straight flight past a neighbour that nobody hears; the autopilot's frame is turned against the poses."""
+    clock = ManualClock(NS_PER_S)
+    window = SarWindow(antenna_m=(0.0, 0.0, 0.0), wavelength_m=wavelength_m(108), min_packets=80, max_pose_gap_s=0.05)
+    sar, found = _measuring(window, InlineWorker(_CONFIG.estimator, clock), clock)
     begun_ns = clock.now_ns()
     sar.begin()
     while clock.now_ns() < begun_ns + until_s * NS_PER_S:
         clock.advance(0.02)
         now_ns = clock.now_ns()
         gone_m = _SPEED_M_S * (now_ns - begun_ns) / NS_PER_S
-        window.add_pose(
-            Pose(
-                t_mono_ns=now_ns,
-                p_enu_m=(gone_m, 0.0, 1.0),
-                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
-                v_enu_m_s=(_SPEED_M_S, 0.0, 0.0),
-                confidence=3,
-            )
-        )
+        window.add_pose(_pose(now_ns, gone_m))
         jumped_m = 8.0 if now_ns - begun_ns > jumps_at_s * NS_PER_S else 0.0
         along = gone_m * math.cos(turned_rad), gone_m * math.sin(turned_rad) + jumped_m
         sar.add_local_position(now_ns, (*along, 1.0))
@@ -135,32 +145,13 @@ def test_what_is_computed_while_the_local_frame_is_set_anew_was_seen_from_where_
     clock = ManualClock(NS_PER_S)
     window = _Heard(antenna_m=(0.0, 0.0, 0.0), wavelength_m=0.05, min_packets=10, max_pose_gap_s=0.05)
     worker, begun_ns = _Slow(), clock.now_ns()
-    sar = SarIterations(
-        window=window,
-        worker=worker,
-        neighbours={2: Neighbour(2, "beacon")},
-        config=ApertureConfig(length_m=1.2, period_s=0.5, settle_s=0.3),
-        clock=EventClock(clock),
-        recorder=NullRecorder(),
-        lookalikes=Lookalikes({2: "beacon"}),
-        pose_problem=lambda start_ns, end_ns: "",
-    )
-    found: list[Iteration] = []
-    sar.iterations.connect(found.append)
+    sar, found = _measuring(window, worker, clock)
 
     def fly(offset_m: float) -> None:
         clock.advance(0.02)
         now_ns = clock.now_ns()
         gone_m = _SPEED_M_S * (now_ns - begun_ns) / NS_PER_S
-        window.add_pose(
-            Pose(
-                t_mono_ns=now_ns,
-                p_enu_m=(gone_m, 0.0, 1.0),
-                q_enu_from_body=(1.0, 0.0, 0.0, 0.0),
-                v_enu_m_s=(_SPEED_M_S, 0.0, 0.0),
-                confidence=3,
-            )
-        )
+        window.add_pose(_pose(now_ns, gone_m))
         sar.add_local_position(now_ns, (gone_m, offset_m, 1.0))
         sar.slide(now_ns)
 
