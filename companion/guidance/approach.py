@@ -197,7 +197,7 @@ def _near_weave(aim: Aim) -> float:
     return _NEAR_WEAVE * max(0.0, min(1.0, (far_m - aim.distance_m) / (far_m - near_m)))
 
 
-def inside(p_local_enu_m: Vector3, limits: GateLimits, ground_m: float = 0.0) -> Vector3:
+def inside(p_local_enu_m: Vector3, limits: GateLimits, ground_m: float) -> Vector3:
     """The place itself, or the nearest to it that lies a little inside the fence and above the least height over the
     ground (Up): where to stand, and to begin the next leg, after the gate has refused one."""
     low = (*limits.fence_min_m[:2], max(limits.fence_min_m[2], ground_m + limits.min_height_m))

@@ -72,7 +72,7 @@ def climb(p_up_m: float, wanted_up_m: float, most_m_s: float) -> float:
     return max(-most_m_s, min(most_m_s, _HEIGHT_PER_S * (wanted_up_m - p_up_m)))
 
 
-def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits, ground_m: float = 0.0) -> Vector3:
+def kept_inside(v_m_s: Vector3, p_m: Vector3, limits: GateLimits, ground_m: float) -> Vector3:
     """The velocity without what would take it too near to the fence, box and cylinder, or to the least height above the
     ground (Up)."""
     if limits.on_ground:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 from companion.config.schema import PoseConfig
@@ -100,14 +99,6 @@ class PoseIntake:
         """Why North is not known; empty when it is."""
         north = "" if self._is_aligned else self._finder.north()
         return north if isinstance(north, str) else ""
-
-    def answer(self, autopilot_yaw_rad: float | None) -> dict[str, Any]:
-        """To `companion check-axes`: the newest pose and the autopilot's heading, None without one; or why there is no
-        pose to check."""
-        pose, problem = self.newest, self.problem()
-        if pose is None or problem:
-            return {"ok": False, "error": f"no poses to check: {problem or self.north_problem()}"}
-        return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}
 
     def report(self) -> dict[str, Any]:
         """For the log and the status."""

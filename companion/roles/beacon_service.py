@@ -58,6 +58,5 @@ async def _answer(node: Node, team: TeamOf, command: str) -> dict[str, Any]:
             about = introduction(node.config, "live")
             return {"ok": True, "about": about, "state": "beacon", "team": team.status(), "health": health}
         case "pose":
-            node.read()
-            return node.intake.answer(None)
+            return node.pose_answer(None)
     return {"ok": False, "error": f"role beacon knows no command {command!r}; it takes: status, pose"}

@@ -6,6 +6,7 @@ import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import asdict
+from typing import Any
 
 from companion.config.schema import Config
 from companion.core.clock import NS_PER_S, next_beat_ns
@@ -227,6 +228,15 @@ class Node:
             card_clock={"resets": self.radio.nic_clock.resets, "span_s": self.radio.nic_clock.span_s},
             network_problem=self.network_problem(),
         )
+
+    def pose_answer(self, autopilot_yaw_rad: float | None) -> dict[str, Any]:
+        """To `companion check-axes`: the newest pose and the autopilot's heading, None without one; or why there is no
+        pose to check."""
+        self.read()
+        pose, problem = self.intake.newest, self.intake.problem()
+        if pose is None or problem:
+            return {"ok": False, "error": f"no poses to check: {problem or self.intake.north_problem()}"}
+        return {"ok": True, **asdict(pose), "autopilot_yaw_rad": autopilot_yaw_rad}
 
     def network_problem(self) -> str:
         """Why robots cannot be heard or reached; empty while they can."""

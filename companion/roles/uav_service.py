@@ -130,7 +130,7 @@ async def _answer(uav: Uav, team: TeamOf, command: str, target: str | None) -> d
             uav.flight.wishes.abort()
             return {"ok": True, "error": ""}
         case "pose":
-            return uav.node.intake.answer(uav.autopilot.state().yaw_enu_rad)
+            return uav.node.pose_answer(uav.autopilot.state().yaw_enu_rad)
     return {"ok": False, "error": f"unknown command {command!r}; known: engage, abort, status, pose"}
 
 

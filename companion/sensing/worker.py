@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 import wsr
+from companion.host.child import die_with_parent
 from companion.host.priority import stand_back
 from companion.sensing.worker_wire import LENGTH, READY_ID, AoaRequest, AoaResult, aperture_of, frame
 from wsr.aoa import Estimator
@@ -63,6 +64,9 @@ def _warm_up(estimator: str, cores: set[int]) -> None:
 
 
 def _compile_beside(cores: set[int]) -> None:
+    die_with_parent()
+    with Path(os.devnull).open("wb") as nothing:  # who waits for the end of the worker's output waits for nobody else
+        os.dup2(nothing.fileno(), sys.stdout.fileno())
     os.sched_setaffinity(0, cores)
     compile_search()
 

@@ -198,15 +198,15 @@ def test_a_velocity_leads_back_to_the_path_within_the_limits() -> None:
 
 def test_after_a_refusal_it_stands_inside_the_fence() -> None:
     limits = GateLimits(fence_min_m=(-9, -4, -1), fence_max_m=(9, 4, 5), fence_radius_m=6.0, max_speed_m_s=1.0, max_climb_m_s=0.5, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
-    assert inside((1.0, 2.0, 1.5), limits) == pytest.approx((1.0, 2.0, 1.5))
-    assert inside((0.0, 5.0, 1.5), limits) == pytest.approx((0.0, 3.7, 1.5))
-    assert inside((7.0, 0.0, 1.5), limits) == pytest.approx((5.7, 0.0, 1.5))
-    assert inside((0.0, 0.0, 9.0), limits)[2] == pytest.approx(4.7)
-    assert inside((0.0, 0.0, 0.1), limits)[2] == pytest.approx(0.8)
-    assert inside((0.0, 0.0, 1.6), limits, ground_m=1.0)[2] == pytest.approx(1.8)
+    assert inside((1.0, 2.0, 1.5), limits, 0.0) == pytest.approx((1.0, 2.0, 1.5))
+    assert inside((0.0, 5.0, 1.5), limits, 0.0) == pytest.approx((0.0, 3.7, 1.5))
+    assert inside((7.0, 0.0, 1.5), limits, 0.0) == pytest.approx((5.7, 0.0, 1.5))
+    assert inside((0.0, 0.0, 9.0), limits, 0.0)[2] == pytest.approx(4.7)
+    assert inside((0.0, 0.0, 0.1), limits, 0.0)[2] == pytest.approx(0.8)
+    assert inside((0.0, 0.0, 1.6), limits, 1.0)[2] == pytest.approx(1.8)
     turned = replace(limits, fence_yaw_deg=90.0)  # nine metres to the North now, and four to the East
-    assert inside((5.0, 0.0, 1.5), turned) == pytest.approx((3.7, 0.0, 1.5))
-    assert kept_inside((0.5, 0.0, 0.0), (4.5, 0.0, 1.5), turned)[0] < 0.0
-    assert kept_inside((0.0, 0.5, 0.0), (0.0, 4.5, 1.5), turned) == pytest.approx((0.0, 0.45, 0.0), abs=0.06)
+    assert inside((5.0, 0.0, 1.5), turned, 0.0) == pytest.approx((3.7, 0.0, 1.5))
+    assert kept_inside((0.5, 0.0, 0.0), (4.5, 0.0, 1.5), turned, 0.0)[0] < 0.0
+    assert kept_inside((0.0, 0.5, 0.0), (0.0, 4.5, 1.5), turned, 0.0) == pytest.approx((0.0, 0.45, 0.0), abs=0.06)
     narrow = replace(limits, fence_min_m=(-0.1, -4, -1), fence_max_m=(0.1, 4, 5))
-    assert inside((3.0, 1.0, 1.5), narrow) == pytest.approx((0.0, 1.0, 1.5))
+    assert inside((3.0, 1.0, 1.5), narrow, 0.0) == pytest.approx((0.0, 1.0, 1.5))

@@ -73,7 +73,7 @@ def test_it_climbs_to_its_height_no_faster_than_it_may() -> None:
 
 
 def test_far_from_all_limits_a_velocity_stays_as_it_is() -> None:
-    assert kept_inside((0.5, -0.3, 0.1), (1.0, 2.0, 1.5), LIMITS) == pytest.approx((0.5, -0.3, 0.1))
+    assert kept_inside((0.5, -0.3, 0.1), (1.0, 2.0, 1.5), LIMITS, 0.0) == pytest.approx((0.5, -0.3, 0.1))
 
 
 @pytest.mark.parametrize(
@@ -88,10 +88,10 @@ def test_far_from_all_limits_a_velocity_stays_as_it_is() -> None:
 def test_beside_a_limit_the_velocity_leads_back(
     p_m: tuple[float, float, float], v_m_s: tuple[float, float, float], axis: int, sign: int
 ) -> None:
-    assert sign * kept_inside(v_m_s, p_m, LIMITS)[axis] > 0.0
+    assert sign * kept_inside(v_m_s, p_m, LIMITS, 0.0)[axis] > 0.0
 
 
 def test_along_the_fence_it_may_fly_and_on_the_ground_it_stays_level() -> None:
-    _, along, _ = kept_inside((1.0, 0.5, 0.0), (7.9, 0.0, 1.5), LIMITS)
+    _, along, _ = kept_inside((1.0, 0.5, 0.0), (7.9, 0.0, 1.5), LIMITS, 0.0)
     assert along == pytest.approx(0.5)
-    assert kept_inside((0.3, 0.0, 0.4), (0.0, 0.0, 0.1), replace(LIMITS, on_ground=True)) == (0.3, 0.0, 0.0)
+    assert kept_inside((0.3, 0.0, 0.4), (0.0, 0.0, 0.1), replace(LIMITS, on_ground=True), 0.0) == (0.3, 0.0, 0.0)

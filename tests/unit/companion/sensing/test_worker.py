@@ -38,7 +38,7 @@ def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """What is done, in its order, where no code is kept."""
     calls: list[str] = []
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(worker, "compile_search", lambda: calls.append("compile_search"))
+    monkeypatch.setattr(worker, "_compile_beside", lambda cores: calls.append(f"beside on {len(cores)}"))
     monkeypatch.setattr(worker, "compile_packets", lambda: calls.append("compile_packets"))
     monkeypatch.setattr(worker, "warm_up", lambda name: calls.append(f"warm_up {name}"))
     monkeypatch.setattr(worker, "get_context", lambda _: Beside(calls))
@@ -47,7 +47,7 @@ def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
 
 def test_a_first_start_shares_out_what_there_is_to_compile(done: list[str]) -> None:
     worker._warm_up("robust", os.sched_getaffinity(0))
-    assert done == ["compile_search", "compile_packets", "join", "warm_up robust"]
+    assert done == [f"beside on {len(os.sched_getaffinity(0))}", "compile_packets", "join", "warm_up robust"]
 
 
 def test_without_a_process_more_one_compiles_all(done: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
