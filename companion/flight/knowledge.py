@@ -30,7 +30,8 @@ from companion.sensing.iterations import SarIterations
 from companion.sensing.records import Iteration
 
 _log = logging.getLogger(__name__)
-_BEARING_LATE_S: Final = 1.5
+_BEARING_LATE_S: Final = 1.4
+"""With the period of the apertures, half a second, and a tick: old within two seconds of a worker that hangs."""
 _REFUSED_S: Final = 10.0
 """Iterations that were refused are told of no more often: of a vehicle that stands where it is measured there are four
 a second, for hours. The flight's log holds each."""

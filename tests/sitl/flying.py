@@ -108,6 +108,17 @@ class Flying:
         except TimeoutError:
             raise AssertionError(f"not so within {timeout_s} s; the last status was {status}") from None
 
+    async def seconds_while(self, condition: Callable[[dict[str, Any]], bool], timeout_s: float = 10.0) -> float:
+        """When, from now, it was last asked for and still so: by how much this process is late does not count."""
+        since_s, last_s = time.monotonic(), 0.0
+        async with asyncio.timeout(timeout_s):
+            while True:
+                asked_s = time.monotonic() - since_s
+                if not condition(await self.status()):
+                    return last_s
+                last_s = asked_s
+                await asyncio.sleep(0.05)
+
     async def in_state(self, *states: str, timeout_s: float = 60.0) -> dict[str, Any]:
         return await self.until(lambda status: status["state"] in states, timeout_s)
 
