@@ -60,7 +60,7 @@ class Targets:
         self._drift = drift
         self._antenna_heights_m = antenna_heights_m
         self._reach = Reach(limits, _BEYOND * arrival_range_m)
-        self._inside = self._new_tracker(target, self._reach)
+        self._inside = self._new_tracker(target).on_condition()
         """What bearings of the target say on condition that it can be flown to."""
         self._instead: Target | None = None
         """The likeliest source on that condition, where the likeliest of all cannot be flown to."""
@@ -83,7 +83,7 @@ class Targets:
         self._trackers.clear()
         self._near = self._new = self._kind = 0.0
         self._nearer_m = self._instead = self._scatter = None
-        self._inside = self._new_tracker(self._target, self._reach)
+        self._inside = self._new_tracker(self._target).on_condition()
         self._found.clear()
 
     def shift(self, delta_enu_m: Vector3) -> None:
@@ -120,16 +120,15 @@ class Targets:
         self._near = self._new = self._kind = 0.0
         tracker = self._trackers.get(peer)
         self._nearer_m = None if tracker is None else tracker.nearer_source()
-        new = self._new_tracker(peer, self._reach)
-        self._inside = new if tracker is None else tracker.on_condition(self._reach)
+        self._inside = (tracker or self._new_tracker(peer)).on_condition()
         self._instead = None
         self._scatter = None if tracker is None else self._scattered(tracker)
 
     def _scattered(self, tracker: TargetTracker) -> Scatter | None:
         return tracker.scatter(PLACES) if self._scatters else None
 
-    def _new_tracker(self, peer: int, allowed: Reach | None = None) -> TargetTracker:
-        return TargetTracker(allowed, self._drift, self._antenna_heights_m.get(peer))
+    def _new_tracker(self, peer: int) -> TargetTracker:
+        return TargetTracker(self._reach, self._drift, self._antenna_heights_m.get(peer))
 
     @property
     def target(self) -> Target | None:

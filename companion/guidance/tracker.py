@@ -59,8 +59,9 @@ _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
 _CROSSING: Final = 0.6
 """Of new particles: where the new bearing crosses one before."""
-_EXCLUDED: Final = 20.0
-"""Off the logarithm of a weight where the target is not allowed; where all places are such, it says nothing."""
+_BEYOND, _EXCLUDED = math.log(10.0), 20.0
+"""Off the logarithm of a weight beyond the fence: who flies to a robot expects it where that can be, ten to one; and on
+condition that it is there. Where all places are beyond, neither says anything."""
 _WITNESS_M, _WITNESS_STD_M = 3.5, 0.6
 """A source was seen at a place by a range up to the one, known to the other."""
 
@@ -70,21 +71,20 @@ class TargetTracker:
 
     def __init__(
         self,
-        allowed: Callable[[_Floats], _Bools] | None = None,
+        reach: Callable[[_Floats], _Bools] | None = None,
         drift: float = DRIFT,
         antenna_height_m: float | None = None,
     ) -> None:
-        """`allowed` says of places (N, 3) in the local frame whether the target may be there, for a belief on that
-        condition; `drift` by which share of the way of both robots their poses part from the truth;
+        """`reach` says of places (N, 3) in the local frame whether a target can be flown to there: elsewhere it is ten
+        times less likely; `drift` by which share of the way of both robots their poses part from the truth;
         `antenna_height_m` how high above the ground the target's antenna is, where it stands on it."""
-        self._allowed = allowed
+        self._reach = reach
+        self._against = _BEYOND
         self._heights = AntennaHeight(antenna_height_m)
         self._drift = drift
         self._rng = np.random.default_rng(_PARTICLES)
         self._origins_m = np.zeros((0, 3))
-        self._heading_rad = np.zeros(0)
-        self._elevation_rad = np.zeros(0)
-        self._log_weight = np.zeros(0)
+        self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, 0))
         self._share = np.zeros((0, 0))
         """(K, N) probability of each kind of room, if the target is at a particle."""
         self._lines = Crossings()
@@ -92,7 +92,9 @@ class TargetTracker:
         self._told: _Floats = np.zeros(0)
         """What received powers have already said of each particle,"""
         self._stood: _Floats = np.zeros(0)
-        """and its height."""
+        """its height,"""
+        self._fenced: _Floats = np.zeros(0)
+        """and the fence."""
         self._age: _Floats = np.zeros(0)
         """Apertures since each was drawn; infinite of the first."""
         self._newest: Bearing | None = None
@@ -114,15 +116,15 @@ class TargetTracker:
             self._loudness = Loudness()
             self._loudness.add(_place(bearing), bearing.power_dbm, 1.0)
             count = round(_AT_FIRST * _PARTICLES)
-            self._told, self._stood = np.zeros((2, count))
-            self._age = np.full(count, math.inf)
+            self._told, self._age = np.zeros(count), np.full(count, math.inf)
             self._origins_m = np.zeros((count, 3))
             self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, count))
             self._share = np.zeros((len(REGIMES), count))
             density = self._draw(bearing, ground_m, np.arange(count), _ANYWHERE)
             self._share = prior_share(self._elevation_rad)
             self._stood = self._heights.log_prior(self._height_m(self._origins_m, bearing, ground_m))
-            drawn = 0.0 if self._heights.is_expected else self._stood
+            self._fenced = self._log_reach(self._origins_m, bearing)
+            drawn = self._fenced if self._heights.is_expected else self._fenced + self._stood
             self._log_weight = normalised(drawn - np.log(density))
             self._weigh(bearing, ground_m)
         else:
@@ -173,10 +175,10 @@ class TargetTracker:
         places_m = self._origins_m[at] + np.array(self._newest.target_p_enu_m)
         return Scatter(places_m, self._heading_rad[at], self._elevation_rad[at], self.rooms())
 
-    def on_condition(self, allowed: Callable[[_Floats], _Bools]) -> TargetTracker:
-        """The same belief, from its next bearing on on condition that the target is at an allowed place."""
+    def on_condition(self) -> TargetTracker:
+        """The same belief, from its next bearing on on condition that the target is within reach."""
         other = copy.deepcopy(self)
-        other._allowed = allowed
+        other._against = _EXCLUDED
         return other
 
     def target(self) -> Target:
@@ -319,14 +321,18 @@ class TargetTracker:
         height_m = origins_m[:, 2] + bearing.target_p_enu_m[2] - ground_m
         return height_m if math.isfinite(ground_m) else np.zeros(len(origins_m))
 
+    def _log_reach(self, origins_m: _Floats, bearing: Bearing) -> _Floats:
+        """(N,) what the fence says of places, before anything is seen there."""
+        places_m = origins_m + np.array(bearing.target_p_enu_m)
+        beyond = np.zeros(len(places_m), bool) if self._reach is None else ~self._reach(places_m)
+        return np.asarray(-self._against * beyond)
+
     def _keep_possible(self, bearing: Bearing, ground_m: float) -> None:
         height_m = self._height_m(self._origins_m, bearing, ground_m)
         log_weight = self._log_weight + self._heights.log_seen_again(height_m, bearing.fresh, self._stood)
-        self._stood = self._heights.log_prior(height_m)
-        if self._allowed is not None:
-            places_m = self._origins_m + np.array(bearing.target_p_enu_m)
-            log_weight = np.where(self._allowed(places_m), log_weight, log_weight - _EXCLUDED)
-        self._log_weight = normalised(log_weight)
+        fenced = self._log_reach(self._origins_m, bearing)
+        self._log_weight = normalised(log_weight + fenced - self._fenced)
+        self._stood, self._fenced = self._heights.log_prior(height_m), fenced
 
     def _bear(self, bearing: Bearing, ground_m: float) -> None:
         """The lightest particles die for new ones, before the bearing is weighed, but none that are new themselves.
@@ -343,9 +349,11 @@ class TargetTracker:
         density = self._draw(bearing, ground_m, lightest[:count], 0.0)
         self._move(bearing, ground_m, lightest[count:])
         stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
-        self._stood[lightest] = stood
-        drawn = np.zeros(count + moved) if self._heights.is_expected else stood.copy()
+        fenced = self._log_reach(self._origins_m[lightest], bearing)
+        drawn = fenced.copy() if self._heights.is_expected else fenced + stood
         drawn[:count] -= np.log(np.maximum(density, 1.0))
+        drawn[count:] -= self._fenced[lightest[count:]]  # of those they are moved from
+        self._stood[lightest], self._fenced[lightest] = stood, fenced
         self._log_weight[lightest] = math.log(_NEWBORN / everything) + drawn
         self._share[:, lightest[:count]] = self.rooms()[:, None]
         # As good as the others are on the average, until the next power is heard.
@@ -364,7 +372,7 @@ class TargetTracker:
         if flat is not None:
             self._origins_m[which, 2] = ground_m + flat - bearing.target_p_enu_m[2]
         self._heading_rad[which], self._elevation_rad[which] = self._heading_rad[like], self._elevation_rad[like]
-        self._share[:, which] = self._share[:, like]
+        self._share[:, which], self._fenced[which] = self._share[:, like], self._fenced[like]
 
     def _resample(self) -> None:
         weight = np.exp(self._log_weight)
@@ -373,7 +381,8 @@ class TargetTracker:
         count = max(_PARTICLES, round(_LEFT * len(weight)))
         chosen = systematic(weight / weight.sum(), count)
         assert self._newest is not None
-        self._told, self._stood, self._age = self._told[chosen], self._stood[chosen], self._age[chosen]
+        self._told, self._stood = self._told[chosen], self._stood[chosen]
+        self._fenced, self._age = self._fenced[chosen], self._age[chosen]
         here_m = _place(self._newest)
         self._origins_m = here_m + parted(self._origins_m[chosen] - here_m, self._rng)
         self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)

@@ -30,7 +30,7 @@ _NUMBERS: Final = (
     "median_time_s",
     "overhead",
     "nees_in_band",
-    "nees_held_95",
+    "nees_mean_in_band",
     "nees_mean",
     "held_90",
     "aoa_mean_deg",
@@ -38,7 +38,7 @@ _NUMBERS: Final = (
 )
 _HEAD: Final = (
     "scene", "missions", "success %", "false arrival %", "unsaid %", "into a wall %", "median time s",
-    "of straight flight", "NEES in band", "of reports alone", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
+    "of straight flight", "NEES in band", "means in band", "mean NEES", "90 % held", "AOA mean °", "AOA median °",
 )  # fmt: skip
 
 SceneFigures = dict[str, float | None]
@@ -84,8 +84,8 @@ def _belief_figures(rows: Sequence[MissionRow]) -> SceneFigures:
     low, high = middle_95(PLACE_DEGREES)
     return {
         "reports": len(reports),
-        "nees_in_band": share_in_band([[b.nees for b in mission] for mission in told], min(_ENOUGH, len(rows))),
-        "nees_held_95": _mean([low <= b.nees <= high for b in reports]),
+        "nees_in_band": _mean([low <= b.nees <= high for b in reports]),
+        "nees_mean_in_band": share_in_band([[b.nees for b in mission] for mission in told], min(_ENOUGH, len(rows))),
         "nees_mean": _mean([b.nees for b in reports]),
         "nees_median": _median([b.nees for b in reports]),
         "held_90": _mean([*ranges, *directions]),

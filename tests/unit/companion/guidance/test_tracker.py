@@ -77,6 +77,31 @@ def test_new_particles_leave_a_belief_that_is_sure_as_it_is() -> None:
     assert np.mean(elsewhere[15:]) < 2e-3, elsewhere
 
 
+def test_beyond_the_fence_is_ten_times_less_likely_until_bearings_say_otherwise() -> None:
+    """Who flies to a robot expects it within reach. A robot outside is found all the same."""
+    bare, fenced, inside = TargetTracker(), TargetTracker(_is_near), TargetTracker(_is_near).on_condition()
+    target, place = np.array([14.0, 0.0, 0.5]), np.array([0.0, 0.0, 1.5])
+    for belief in (bare, fenced, inside):
+        belief.add(bearing_to(target, place, 0.0))
+    assert _odds_beyond(bare) / _odds_beyond(fenced) == pytest.approx(10.0, rel=0.2)
+    for step in range(1, 12):  # along two sides of it
+        place = np.array([min(float(step), 8.0), -max(0.0, step - 8.0), 1.5])
+        for belief in (bare, fenced, inside):
+            belief.add(bearing_to(target, place, 3.0 * step))
+    for belief in (bare, fenced):
+        np.testing.assert_allclose(belief.target().origin_local_enu_m, target, atol=1.0)
+    assert inside.target().origin_local_enu_m[0] < 10.0
+
+
+def _is_near(p_local_enu_m: Floats) -> npt.NDArray[np.bool_]:
+    return np.asarray(p_local_enu_m[:, 0] < 10.0)
+
+
+def _odds_beyond(belief: TargetTracker) -> float:
+    inside = float(_is_near(belief.scatter(3000).p_local_enu_m).mean())
+    return (1.0 - inside) / inside
+
+
 def test_the_same_bearings_give_the_same_target() -> None:
     target = np.array([6.0, 3.0, 0.5])
     assert _from_the_side(TargetTracker(), target) == _from_the_side(TargetTracker(), target)

@@ -35,7 +35,9 @@ def test_shares_are_of_all_missions_and_times_of_successes() -> None:
 
 def test_without_a_success_or_an_estimate_there_are_no_numbers() -> None:
     figures = scene_figures([mission(arrived_m=None, steps=[step(0, None, belief=None)])])
-    for name in ("median_time_s", "overhead", "aoa_mean_deg", "nees_mean", "held_90", "nees_in_band", "nees_held_95"):
+    for name in ("median_time_s", "overhead", "aoa_mean_deg", "nees_mean", "held_90"):
+        assert figures[name] is None
+    for name in ("nees_in_band", "nees_mean_in_band"):
         assert figures[name] is None
     assert figures["estimates"] == 0
 
@@ -43,7 +45,7 @@ def test_without_a_success_or_an_estimate_there_are_no_numbers() -> None:
 def test_a_report_is_held_where_its_own_error_is_what_one_report_may_have() -> None:
     beliefs = [BeliefCheck(nees, True, True) for nees in (0.21, 0.22, 3.0, 9.34, 9.36)]
     figures = scene_figures([mission(steps=[step(n, 1.0, belief=belief) for n, belief in enumerate(beliefs)])])
-    assert figures["nees_held_95"] == pytest.approx(3 / 5)
+    assert figures["nees_in_band"] == pytest.approx(3 / 5)
 
 
 def test_the_papers_number_leaves_out_the_two_worst_of_each_mission_on_its_way() -> None:
