@@ -55,10 +55,10 @@ _TRIALS = (
 @click.option("--scenes", metavar="NAMES", help=_SCENES)
 @click.option(
     "--motion",
-    type=click.Choice(["fixed", "chosen"]),
-    default="fixed",
+    type=click.Choice(["chosen", "fixed"]),
+    default="chosen",
     show_default=True,
-    help="Of rendezvous: the way to the robot by the service's rule, or chosen by what it would tell.",
+    help="Of rendezvous: the way to the robot chosen by what it would tell, as the service flies, or by a fixed rule.",
 )
 @click.option("--markdown", type=_path, help="Write the table of rendezvous as a page of Markdown.")
 @click.option("--cluster", metavar="ADDRESS", help="Run on Dask: tcp://HOST:PORT of a scheduler, or local:N.")
@@ -79,7 +79,7 @@ def study(
     json_path: Path | None,
     out: Path,
     scenes: str | None,
-    motion: Literal["fixed", "chosen"],
+    motion: Literal["chosen", "fixed"],
     markdown: Path | None,
     cluster: str | None,
     jobs: int,
@@ -94,7 +94,7 @@ def study(
     check_writable(json_path, out)
     check_writable(markdown, out, TEXT)
     named = _named(scenes)
-    if (named or markdown or motion != "fixed") and name not in (RENDEZVOUS, ALL):
+    if (named or markdown or motion != "chosen") and name not in (RENDEZVOUS, ALL):
         raise click.UsageError(f"--scenes, --motion and --markdown are for the study {RENDEZVOUS}, not for {name}")
     done = _Done(name=name, out=out, json_path=json_path, markdown=markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]

@@ -37,7 +37,7 @@ _REFUSED_S: Final = 10.0
 a second, for hours. The flight's log holds each."""
 _GRANTED: Final = 2.0
 """Apertures' worth of path after a hold: the first may still lack what was missing before."""
-_FOUND: Final = 0.15
+_FOUND: Final = 0.2
 """Bearings that say little each, but agree on a source of this probability, steer too: where images are loud no source
 has more for long, and nothing is learnt by standing still."""
 
@@ -55,7 +55,7 @@ class Knowledge:
         sar: SarIterations,
         course: Course,
         frame: LocalFrame,
-        chooses_motion: bool = False,
+        chooses_motion: bool = True,
     ) -> None:
         self._config = config.aperture
         self._clock = clock

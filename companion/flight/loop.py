@@ -58,10 +58,10 @@ class Flight:
         make_commands: MakeCommands = FlightCommands,
         look: Callable[[], Surroundings] | None = None,
         network_problem: Callable[[], str] = str,
-        chooses_motion: bool = False,
+        chooses_motion: bool = True,
     ) -> None:
-        """A replay runs no commands and gives a `look` of its own at what was around. With `chooses_motion` the way to
-        the target is chosen by what it would tell (`companion.guidance.choice`), which studies compare."""
+        """A replay runs no commands and gives a `look` of its own at what was around. The way to the target is
+        chosen by what it would tell (`companion.guidance.choice`); without `chooses_motion` by a rule, to compare."""
         assert config.autopilot is not None
         self._config = config
         self._clock = clock

@@ -37,7 +37,7 @@ _PING_RATE_HZ = PingConfig().rate_hz
 class MissionCase:
     scene: str
     number: int
-    chooses_motion: bool = False
+    chooses_motion: bool = True
 
 
 def _plan(settings: Settings) -> list[MissionCase]:

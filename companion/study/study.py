@@ -48,7 +48,7 @@ class Settings:
     trials: int
     data: Path
     scenes: tuple[str, ...] = ()
-    motion: Literal["fixed", "chosen"] = "fixed"
+    motion: Literal["chosen", "fixed"] = "chosen"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

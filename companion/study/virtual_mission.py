@@ -120,7 +120,7 @@ def with_levers(scenario: Scenario) -> Scenario:
     return replace(scenario, uav=uav, beacon=beacon)
 
 
-def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool = False) -> MissionResult:
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool = True) -> MissionResult:
     """Until the vehicle calls itself arrived, or ends the mission otherwise. The same arguments give the same one."""
     return asyncio.run(_fly(scenario, seed, max_time_s, chooses_motion))
 
@@ -154,7 +154,7 @@ class _World:
         gust_seed: int,
         clock: VirtualClock,
         max_time_s: float,
-        chooses_motion: bool = False,
+        chooses_motion: bool = True,
     ) -> None:
         settings = config()
         # Who knows of a worse camera than a T265 says so.

@@ -50,7 +50,7 @@ def test_command_without_recordings_says_so(
     assert _command(monkeypatch, "nonsense") == 2
     assert _command(monkeypatch, "crb", "--cluster", "local:none", "--out", tmp_path) == 2
     assert _command(monkeypatch, "crb", "--scenes", "hall", "--out", tmp_path) == 2
-    assert _command(monkeypatch, "crb", "--motion", "chosen", "--out", tmp_path) == 2
+    assert _command(monkeypatch, "crb", "--motion", "fixed", "--out", tmp_path) == 2
     capsys.readouterr()
     assert _command(monkeypatch, "rendezvous", "--scenes", "hall,hell", "--out", tmp_path) == 2
     assert "'hell' is unknown; expected one of open, hall" in capsys.readouterr().err

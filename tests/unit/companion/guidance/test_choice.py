@@ -51,7 +51,7 @@ def _chosen(
     )
 
 
-@pytest.mark.parametrize(("distance_m", "lead_deg", "weave"), [(15.0, 0.0, 0.3), (8.0, 0.0, 0.5), (4.0, 10.0, 0.5)])
+@pytest.mark.parametrize(("distance_m", "lead_deg", "weave"), [(15.0, 0.0, 0.4), (8.0, 0.0, 0.5), (4.0, 10.0, 0.5)])
 def test_to_a_place_that_is_known_it_flies_nearly_straight(distance_m: float, lead_deg: float, weave: float) -> None:
     for seed in range(8):
         way = _chosen(_scatter(distance_m, 0.02, seed), distance_m)

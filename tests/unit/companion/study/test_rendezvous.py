@@ -65,7 +65,7 @@ def test_from_high_up_a_vehicle_comes_down_to_where_it_can_say_that_it_has_arriv
     monkeypatch.setattr(virtual_mission, "config", lambda: high)
     one = study("rendezvous")
     row = one.trial(one.plan(Settings(1, DATA, ("open",)))[0], trial_seed(SEED, 1))
-    assert row.succeeded, (row.end, row.closest_m)
+    assert row.arrived_m is not None and row.arrived_m < 2.1, (row.end, row.closest_m)
 
 
 def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
@@ -75,6 +75,9 @@ def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
     ]  # fmt: skip
     everywhere = study("rendezvous").plan(Settings(24, DATA))
     assert len({case.scene for case in everywhere}) == 12
-    assert not any(case.chooses_motion for case in everywhere), "as the service flies"
-    chosen = study("rendezvous").plan(Settings(2, DATA, motion="chosen"))
-    assert [(case.scene, case.number, case.chooses_motion) for case in chosen] == [("open", 0, True), ("hall", 0, True)]
+    assert all(case.chooses_motion for case in everywhere), "as the service flies"
+    by_rule = study("rendezvous").plan(Settings(2, DATA, motion="fixed"))
+    assert [(case.scene, case.number, case.chooses_motion) for case in by_rule] == [
+        ("open", 0, False),
+        ("hall", 0, False),
+    ]
