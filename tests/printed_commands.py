@@ -81,7 +81,7 @@ NOT_RUN: Final[Mapping[str, str]] = {
     "study rendezvous --scenes occluded --trials 40": _HOURS,
     "study geometry": _HOURS,
     "study rendezvous --scenes hall,hard --trials 200 --markdown rendezvous.md --out DIR": _HOURS,
-    "study rendezvous --trials 12 --seed 2 --motion chosen": _HOURS,
+    "study rendezvous --trials 192 --seed 2 --motion fixed": _HOURS,
     "study rendezvous --trials 1000 --cluster tcp://HOST:8786": _HOURS,
     "study rendezvous --trials 1000 --cluster local:4": _HOURS,
     "demo --card ax210": _FLIGHT,
