@@ -8,6 +8,7 @@ import pytest
 
 from companion.camera.sighting import Tag, TagFrame
 from companion.core.inputs import Event
+from companion.neighbours.neighbour import Neighbour
 from tests.unit.companion.camera.tags import TAG
 from tests.unit.companion.flight.known import OTHER, TARGET, Known, iteration
 
@@ -39,6 +40,16 @@ def test_legs_without_one_are_counted_whatever_the_reason() -> None:
     assert known.knowledge.blind_legs == 1
     known.knowledge.begin_anew()
     assert known.knowledge.blind_legs == 0
+
+
+def test_what_steers_tells_where_else_the_target_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that the way to it is chosen by what it would tell."""
+    known = Known()
+    monkeypatch.setattr(Neighbour, "newest_pose", lambda _: (1, (0.0, 0.0, 0.0)))
+    known.knowledge.add_iteration(iteration())
+    aim = known.knowledge.targets.aim((0.0, 0.0, 0.0))
+    assert aim is not None
+    assert aim.scatter is not None
 
 
 def test_a_bearing_of_another_robot_is_kept_and_steers_nothing() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.sim.scenes import fence_in
 from companion.study import rendezvous, virtual_mission
 from companion.study.catalogue import study
 from companion.study.study import Settings
@@ -45,6 +46,19 @@ def test_rendezvous_arrives_and_says_so(tmp_path: Path) -> None:
     assert outcome.scenes["hall"]["success"] == 1.0
     assert one.table is not None
     assert "| hall | 1 | 100 (20.7-100) | 0 (0-79.3) |" in one.table(outcome)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(4))
+def test_a_robot_beyond_the_fence_is_expected_within_and_not_believed_to_be_there(
+    monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    near = "companion.study.virtual_mission.fence_in"
+    monkeypatch.setattr(near, lambda room, gate: replace(fence_in(room, gate), fence_radius_m=8.0))
+    monkeypatch.setattr(rendezvous, "MAX_TIME_S", 120.0)
+    row = study("rendezvous").trial(rendezvous.MissionCase("hard", number), trial_seed(SEED, 1))
+    assert row.closest_m > 5.0, "it stands 15 m away"
+    assert row.arrived_m is None, row.arrived_m
 
 
 def test_a_wall_ends_a_mission(monkeypatch: pytest.MonkeyPatch) -> None:
