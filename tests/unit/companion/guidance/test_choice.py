@@ -16,7 +16,7 @@ from companion.safety.gate import GateLimits
 
 LIMITS = GateLimits(fence_min_m=(-50, -50, -1), fence_max_m=(50, 50, 10), fence_radius_m=60.0, max_speed_m_s=1.0, max_climb_m_s=0.7, max_acceleration_m_s2=3.0, min_height_m=0.5)  # fmt: skip # noqa: E501
 CRAFT = Craft(speed_m_s=0.5, acceleration_m_s2=0.8, length_m=1.2, across_m=0.093, up_m=0.093)
-STRAIGHT = Way(0.0, 1, 0.3)
+STRAIGHT = Way(0.0, 1, 0.4)
 _KIND = np.array([0.9, 0.08, 0.02])
 
 
@@ -71,11 +71,11 @@ def test_to_the_side_away_from_the_fence_and_from_other_robots(side: int) -> Non
     near = 0.65  # of a fence in which the straight way just fits
     low, high = ((-50.0, -near, -1.0), (50.0, 50.0, 10.0)) if side > 0 else ((-50.0, -50.0, -1.0), (50.0, near, 10.0))
     fenced = replace(LIMITS, fence_min_m=low, fence_max_m=high)
-    for before in (STRAIGHT, replace(STRAIGHT, side=-1), Way(math.radians(20.0), -side, 0.3)):
+    for before in (STRAIGHT, replace(STRAIGHT, side=-1), Way(math.radians(20.0), -side, 0.4)):
         way = _chosen(scatter, 4.0, fenced, before=before)
         assert way.lead_rad == 0.0 or way.side == side
     robot = (1.6, -side * 1.5, 0.0)
-    way = _chosen(scatter, 4.0, others_m=(robot,), before=Way(math.radians(30.0), -side, 0.3))
+    way = _chosen(scatter, 4.0, others_m=(robot,), before=Way(math.radians(30.0), -side, 0.4))
     assert way.lead_rad == 0.0 or way.side == side
 
 
