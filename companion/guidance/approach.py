@@ -128,7 +128,7 @@ class Approach:
                 others_m=others_m,
                 before=before,
             )
-            self._scatter = aim.scatter
+            self._side, self._scatter = self._way.side, aim.scatter
 
     def _near_m(self, aim: Aim) -> float:
         """On the level: where it might have arrived; from there on, around the target."""

@@ -53,6 +53,8 @@ _FLAT_M2: Final = 1e-6
 _LEAST_M: Final = 0.3
 _KEPT_S: Final = 0.1
 """By which another way must be better than the one that is flown: a choice that flutters is none."""
+_OTHER_SIDE_S: Final = 0.5
+"""And one to the other side: at a fence neither is good for long."""
 _MARGIN_M: Final = 0.6
 _CLEAR_M: Final = 0.35
 
@@ -119,7 +121,7 @@ def choose(
     apertures = told * flown.ahead_m[:, None] / craft.length_m / _LOOKS
     apart_m = _left_apart_m(scatter, flown, weaves, apertures, target_m=target_m, craft=craft)
     cost_s = seconds + apart_m / craft.speed_m_s
-    cost_s += np.array([0.0 if way == before else _KEPT_S for way in choices])
+    cost_s += np.array([0.0 if way == before else _KEPT_S for way in choices]) + _OTHER_SIDE_S * (side != before.side)
     outside = _outside(flown.looks_m, limits, others_m)
     # Rounded, so that what is as good stays so whichever way the processor rounds.
     cost_s = np.where(outside <= outside.min(), np.round(cost_s, 3), math.inf)
@@ -199,8 +201,8 @@ def _precisions(rooms: _Floats, seen_m: _Floats, lead: _Floats, weave: _Floats, 
     along_m = craft.length_m * craft.forward_m_s(weave) / craft.speed_m_s
     level_m2 = (along_m * np.sin(lead)) ** 2 / 12 + (weave * craft.across_m) ** 2 / 2
     upright_m2 = (weave * craft.up_m) ** 2 / 2
-    across_rad2, down_rad2 = _BOUND_RAD_M**2 / level_m2, _BOUND_RAD_M**2 / np.maximum(upright_m2, _FLAT_M2)
-    bend2 = CURVATURE_STD_PER_M**2 + (CURVATURE_SCALE * _BEND_M / (level_m2 + upright_m2)) ** 2
+    across_rad2, down_rad2 = (_BOUND_RAD_M**2 / np.maximum(extent_m2, _FLAT_M2) for extent_m2 in (level_m2, upright_m2))
+    bend2 = CURVATURE_STD_PER_M**2 + (CURVATURE_SCALE * _BEND_M / np.maximum(level_m2 + upright_m2, _FLAT_M2)) ** 2
     afar = is_afar(range_m)
     total = np.zeros((3, *range_m.shape))
     for probability, room in zip(rooms.tolist(), REGIMES, strict=True):

@@ -148,7 +148,9 @@ class Targets:
         place = self._place(self._target) if target is not None else None
         if target is None or place is None:
             return None
-        if self._nearer_m is not None:  # it is looked at again from near
+        scatter = self._scatter
+        if self._nearer_m is not None:  # it is looked at again from near, whatever is believed
+            scatter = None
             place = _sum(place, _minus(self._nearer_m, target.origin_local_enu_m))
         elif self._instead is not None:
             place = _sum(place, _minus(self._instead.origin_local_enu_m, target.origin_local_enu_m))
@@ -160,7 +162,7 @@ class Targets:
             distance_std_m=target.range_std_m,
             sureness=min(1.0, target.probability / _SURE),
             above_m=place[2] - p_local_enu_m[2],
-            scatter=self._scatter,
+            scatter=scatter,
         )
 
     def is_near(self, p_local_enu_m: Vector3) -> bool:

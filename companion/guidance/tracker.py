@@ -346,19 +346,19 @@ class TargetTracker:
         lightest = np.argpartition(mortal, count + moved)[: count + moved]
         self._age[lightest[:count]] = 0.0
         self._age[lightest[count:]] = math.inf
-        density = self._draw(bearing, ground_m, lightest[:count], 0.0)
+        density, fenced_at_most = self._draw(bearing, ground_m, lightest[:count], 0.0), self._fenced.max()
         self._move(bearing, ground_m, lightest[count:])
         stood = self._heights.log_prior(self._height_m(self._origins_m[lightest], bearing, ground_m))
         fenced = self._log_reach(self._origins_m[lightest], bearing)
         drawn = fenced.copy() if self._heights.is_expected else fenced + stood
-        drawn[:count] -= np.log(np.maximum(density, 1.0))
+        drawn[:count] -= np.log(np.maximum(density, 1.0)) + fenced_at_most
         drawn[count:] -= self._fenced[lightest[count:]]  # of those they are moved from
         self._stood[lightest], self._fenced[lightest] = stood, fenced
         self._log_weight[lightest] = math.log(_NEWBORN / everything) + drawn
         self._share[:, lightest[:count]] = self.rooms()[:, None]
+        self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
         # As good as the others are on the average, until the next power is heard.
         self._told[lightest] = np.exp(self._log_weight) @ self._told
-        self._log_weight -= math.log(float(np.exp(self._log_weight).sum()))
 
     def _move(self, bearing: Bearing, ground_m: float, which: npt.NDArray[np.intp]) -> None:
         """Makes the particles `which` (M,) others of the belief, nearer or farther on the same line of sight."""
