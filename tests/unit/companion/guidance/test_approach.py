@@ -138,6 +138,22 @@ def test_it_flies_beside_a_near_place_whose_range_is_vague(ratio: float, goes_be
     assert (beside_m[-1] > 0.25) == goes_beside
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_after_a_leg_that_was_given_up_it_goes_by_the_other_side(seed: int) -> None:
+    rng, approach = np.random.default_rng(seed), Approach(MissionConfig(), LIMITS, 1.2)
+    range_m = 4.0 * np.exp(rng.normal(0.0, 0.6, PLACES))
+    scatter = _scatter(rng, np.stack([range_m, np.zeros(PLACES), rng.normal(0.5, 0.2, PLACES)], axis=1))
+    aim = Aim(azimuth_rad=0.0, distance_m=4.0, distance_std_m=2.4, sureness=1.0, above_m=-1.0, scatter=scatter)
+    sides = []
+    for leg in range(3):
+        approach.start((0.0, 0.0, 1.5), 0.0)
+        flown = [approach.setpoint((1000 * leg + k) * _TICK_NS, aim, True).p_local_enu_m for k in range(90)]
+        assert flown[-1] is not None
+        assert abs(flown[-1][1]) > 0.25
+        sides.append(math.copysign(1.0, flown[-1][1]))
+    assert sides[0] == -sides[1] == sides[2]
+
+
 def test_a_search_goes_all_around_and_wider_inside_the_fence() -> None:
     narrow = replace(LIMITS, fence_min_m=(-3, -3, -1), fence_max_m=(3, 3, 5))
     approach = Approach(MissionConfig(), narrow, 1.2)

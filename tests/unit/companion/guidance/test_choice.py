@@ -37,6 +37,7 @@ def _chosen(
     limits: GateLimits = LIMITS,
     others_m: tuple[Vector3, ...] = (),
     before: Way = STRAIGHT,
+    craft: Craft = CRAFT,
 ) -> Way:
     near_m = min(distance_m, 1.7)
     return choose(
@@ -44,7 +45,7 @@ def _chosen(
         (distance_m, 0.0, -1.0),
         (0.0, 0.0, 0.0),
         near_m,
-        craft=CRAFT,
+        craft=craft,
         limits=limits,
         others_m=others_m,
         before=before,
@@ -63,6 +64,21 @@ def test_beside_a_place_whose_range_is_not_known_once_that_costs_little() -> Non
     assert np.mean(leads) > math.radians(5.0)
     afar = [_chosen(_scatter(15.0, 0.6, seed), 15.0).lead_rad for seed in range(12)]
     assert np.mean(afar) < np.mean(leads), "from afar the way round is long, and there is time to look later"
+
+
+def test_the_side_that_is_flown_is_changed_for_more_than_another_way_to_the_same() -> None:
+    scatters = [s for s in (_scatter(4.0, 0.6, seed) for seed in range(20)) if _chosen(s, 4.0).lead_rad > 0.0]
+    assert len(scatters) >= 4
+    for side in (1, -1):
+        kept = [_chosen(s, 4.0, before=Way(0.0, side, 0.4)).side == side for s in scatters]
+        assert np.mean(kept) > 0.8
+
+
+@pytest.mark.parametrize("up_m", [0.0, 0.093])
+def test_a_helix_without_width_is_a_line(up_m: float) -> None:
+    """`mission.lateral_weave_m` may be 0."""
+    way = _chosen(_scatter(4.0, 0.6), 4.0, craft=replace(CRAFT, across_m=0.0, up_m=up_m))
+    assert way in ways(1) or way in ways(1, (1.0,))
 
 
 @pytest.mark.parametrize("side", [1, -1])

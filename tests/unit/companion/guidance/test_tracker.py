@@ -93,6 +93,19 @@ def test_beyond_the_fence_is_ten_times_less_likely_until_bearings_say_otherwise(
     assert inside.target().origin_local_enu_m[0] < 10.0
 
 
+def test_where_all_is_beyond_the_fence_it_says_nothing() -> None:
+    """New places weigh as they would without it, so what has moved elsewhere is found there."""
+    nowhere = TargetTracker(lambda places_m: np.zeros(len(places_m), bool)).on_condition()
+    bare = TargetTracker()
+    for step in range(40):
+        target = np.array([14.0, 0.0, 0.5] if step < 15 else [6.0, 12.0, 0.5])
+        place = np.array([0.1 * step, 4.0 * math.sin(0.5 * step), 1.5])
+        for belief in (nowhere, bare):
+            belief.add(bearing_to(target, place, 3.0 * step))
+    # But for rounding, which may draw others.
+    np.testing.assert_allclose(nowhere.target().origin_local_enu_m, bare.target().origin_local_enu_m, atol=0.3)
+
+
 def _is_near(p_local_enu_m: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(p_local_enu_m[:, 0] < 10.0)
 

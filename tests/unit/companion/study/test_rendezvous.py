@@ -79,7 +79,7 @@ def test_from_high_up_a_vehicle_comes_down_to_where_it_can_say_that_it_has_arriv
     monkeypatch.setattr(virtual_mission, "config", lambda: high)
     one = study("rendezvous")
     row = one.trial(one.plan(Settings(1, DATA, ("open",)))[0], trial_seed(SEED, 1))
-    assert row.arrived_m is not None and row.arrived_m < 2.1, (row.end, row.closest_m)
+    assert row.succeeded, (row.end, row.arrived_m)
 
 
 def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
