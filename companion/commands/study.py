@@ -60,6 +60,13 @@ _TRIALS = (
     show_default=True,
     help="Of rendezvous: the way to the robot chosen by what it would tell, as the service flies, or by a fixed rule.",
 )
+@click.option(
+    "--truths",
+    type=click.Choice(["fixed", "drawn"]),
+    default="fixed",
+    show_default=True,
+    help="Of rendezvous: the robot's distance and the error of North as the scene says, or drawn as a belief expects.",
+)
 @click.option("--markdown", type=_path, help="Write the table of rendezvous as a page of Markdown.")
 @click.option("--cluster", metavar="ADDRESS", help="Run on Dask: tcp://HOST:PORT of a scheduler, or local:N.")
 @click.option(
@@ -80,6 +87,7 @@ def study(
     out: Path,
     scenes: str | None,
     motion: Literal["chosen", "fixed"],
+    truths: Literal["fixed", "drawn"],
     markdown: Path | None,
     cluster: str | None,
     jobs: int,
@@ -94,14 +102,15 @@ def study(
     check_writable(json_path, out)
     check_writable(markdown, out, TEXT)
     named = _named(scenes)
-    if (named or markdown or motion != "chosen") and name not in (RENDEZVOUS, ALL):
-        raise click.UsageError(f"--scenes, --motion and --markdown are for the study {RENDEZVOUS}, not for {name}")
+    if (named or markdown or motion != "chosen" or truths != "fixed") and name not in (RENDEZVOUS, ALL):
+        only = "--scenes, --motion, --truths and --markdown are"
+        raise click.UsageError(f"{only} for the study {RENDEZVOUS}, not for {name}")
     done = _Done(name=name, out=out, json_path=json_path, markdown=markdown)
     studies = [load_study(each) for each in (MODULES if name == ALL else (name,))]
     with ended_by_signals(), _runner(cluster, jobs) as runner:
         for each in studies:
             count = each.default_trials if trials is None else trials
-            settings = Settings(count, data.resolve(), named, motion)
+            settings = Settings(count, data.resolve(), named, motion, truths)
             try:
                 specs = each.plan(settings)
             except CompanionError as error:

@@ -128,11 +128,18 @@ def drives(name: str) -> bool:
     return _SCENES[name].drives
 
 
-def set_in(base: Scenario, name: str) -> Scenario:
+def set_in(
+    base: Scenario, name: str, *, distance_m: float | None = None, north_error_rad: float | None = None
+) -> Scenario:
     """The scenario in a scene: its robots, clocks, cameras and sockets, and of the radio what is not the room's. Where
-    it does not say where the beacon stands and drives to, that is drawn as well. Raises ConfigError for no name."""
+    it does not say where the beacon stands and drives to, that is drawn as well. `distance_m` and `north_error_rad` are
+    in place of the scene's own. Raises ConfigError for no name."""
     (known,) = scene_names([name])
     scene = _SCENES[known]
+    if distance_m is not None:
+        scene = replace(scene, distance_m=distance_m)
+    if north_error_rad is not None:
+        scene = replace(scene, north_error_rad=north_error_rad)
     rng = np.random.default_rng([base.seed, _SCENE_STREAM])
     driving = _driving(base, scene, rng)
     room = scene.room(rng, np.concatenate([np.zeros((1, 3)), BeaconDrive(driving).places_m()]))

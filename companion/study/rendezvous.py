@@ -2,7 +2,9 @@
 fig:HW_application_stats_crb_error).
 
 A mission is flown until the vehicle calls itself arrived or ends otherwise, four minutes at most; every mission has its
-own room, crystals, camera drift and gusts, and mission n of a scene is the same one whatever else is flown.
+own room, crystals, camera drift and gusts, and mission n of a scene is the same one whatever else is flown. How far
+away the robot is and how far off North is the scene says, or they are drawn as a belief expects them: only then has its
+NEES a mean of 3.
 """
 
 from __future__ import annotations
@@ -10,13 +12,15 @@ from __future__ import annotations
 import math
 import zlib
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from companion.config.schema import PingConfig
 from companion.flight.commands import WARM_UP_S
-from companion.sim.scenario import RadioScenario, VioScenario
+from companion.sensing.frame_turn import NORTH_STD_RAD
+from companion.sim.scenario import RadioScenario, Scenario, VioScenario
 from companion.sim.scenes import FLOWN, scene_names, set_in
 from companion.study import rendezvous_figures
 from companion.study.angles import aoa_error
@@ -31,6 +35,9 @@ from wsr.geometry import angles
 MAX_TIME_S = 240.0
 _VIO_RATE_HZ = 50.0  # a pose a centimetre at 0.5 m/s; a T265 gives 200, whose errors have the same size
 _PING_RATE_HZ = PingConfig().rate_hz
+_DRAWN_STREAM: Final = 7
+DRAWN_M: Final = (3.0, 35.0)
+"""Distances are drawn from these, evenly: nearer there is nothing to look for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +45,38 @@ class MissionCase:
     scene: str
     number: int
     chooses_motion: bool = True
+    draws_truths: bool = False
+    """Its distance and what the vehicle takes for North are drawn, in place of the scene's."""
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
     names = scene_names(settings.scenes, FLOWN) or FLOWN
-    chosen = settings.motion == "chosen"
-    return [MissionCase(names[i % len(names)], i // len(names), chosen) for i in range(settings.trials)]
+    chosen, drawn = settings.motion == "chosen", settings.truths == "drawn"
+    return [MissionCase(names[i % len(names)], i // len(names), chosen, drawn) for i in range(settings.trials)]
+
+
+def world(case: MissionCase, seed: SeedSequence) -> Scenario:
+    """What a mission is flown in."""
+    own = _own(case, seed)
+    base = replace(scenario(own, RadioScenario(exchange_rate_hz=_PING_RATE_HZ)), vio=VioScenario(rate_hz=_VIO_RATE_HZ))
+    if not case.draws_truths:
+        return set_in(base, case.scene)
+    rng = np.random.default_rng([base.seed, _DRAWN_STREAM])
+    return set_in(
+        base, case.scene, distance_m=float(rng.uniform(*DRAWN_M)), north_error_rad=float(rng.normal(0.0, NORTH_STD_RAD))
+    )
+
+
+def _own(case: MissionCase, seed: SeedSequence) -> SeedSequence:
+    return SeedSequence(seed.entropy, spawn_key=(zlib.crc32(case.scene.encode()), case.number))
 
 
 def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
-    own = SeedSequence(seed.entropy, spawn_key=(zlib.crc32(case.scene.encode()), case.number))
-    base = replace(scenario(own, RadioScenario(exchange_rate_hz=_PING_RATE_HZ)), vio=VioScenario(rate_hz=_VIO_RATE_HZ))
-    world = set_in(base, case.scene)
+    around = world(case, seed)
     limits = config().mission
     start_m = (LEVER_M[0], LEVER_M[1], limits.takeoff_height_m + LEVER_M[2])
     straight_s = straight_flight_s(
-        world,
+        around,
         start_m,
         BEACON_LEVER_M,
         RENDEZVOUS_M,
@@ -61,7 +84,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
         acceleration_m_s2=limits.acceleration_m_s2,
         begins_s=WARM_UP_S,
     )
-    result = fly(world, own, MAX_TIME_S, case.chooses_motion)
+    result = fly(around, _own(case, seed), MAX_TIME_S, case.chooses_motion)
     return MissionRow(
         scene=case.scene,
         number=case.number,
@@ -72,6 +95,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
         reached_s=_rounded(result.reached_s, 2),
         arrived_m=_rounded(result.arrived_m, 3),
         left_room=result.left_room,
+        draws_truths=case.draws_truths,
         steps=[_step(point) for point in result.points],
     )
 

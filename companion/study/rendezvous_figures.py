@@ -108,6 +108,8 @@ def summarise(rows: Sequence[MissionRow]) -> Summary:
     findings = [finding for name, chosen in scenes.items() for finding in _scene_findings(name, chosen)]
     findings += _paper_findings(rows, scenes.get(_PAPER_SCENE, []))
     notes = [_rank_note(rows), _ends_note(rows), *_NOTES]
+    if any(row.draws_truths for row in rows):
+        notes.append(_DRAWN_NOTE)
     return Summary(findings, notes, {name: scene_figures(chosen) for name, chosen in scenes.items()})
 
 
@@ -172,6 +174,12 @@ _NOTES = (
 )
 
 
+_DRAWN_NOTE = (
+    "How far away the robot is and what the vehicle takes for North were drawn, in place of the scene's own: a mean "
+    "NEES of 3 is then expected, and AOA errors hold that of North."
+)
+
+
 def _rank_note(rows: Sequence[MissionRow]) -> str:
     steps = [step for row in rows for step in row.approach]
     pairs = [(s.crb_deg, s.great_circle_deg) for s in steps if s.crb_deg is not None and s.great_circle_deg is not None]
@@ -193,12 +201,13 @@ def _ends_note(rows: Sequence[MissionRow]) -> str:
 
 def table(outcome: Outcome) -> str:
     """A page for docs/results."""
+    drawn = " --truths drawn" if any(row.draws_truths for row in outcome.rows) else ""
     lines = [
         "# Rendezvous by scene",
         "",
-        f"Written by `companion study rendezvous --trials {outcome.trials} --seed {outcome.seed} --markdown FILE`; "
-        "[studies](../studies.md) says what the scenes are and what counts as what. Shares carry their 95 % interval "
-        "(Wilson).",
+        f"Written by `companion study rendezvous --trials {outcome.trials} --seed {outcome.seed}{drawn} "
+        "--markdown FILE`; [studies](../studies.md) says what the scenes are and what counts as what. Shares carry "
+        "their 95 % interval (Wilson).",
         "",
         "| " + " | ".join(_HEAD) + " |",
         "|---|" + "---:|" * (len(_HEAD) - 1),

@@ -55,6 +55,8 @@ class MissionRow:
     """Their distance when the vehicle called itself arrived; None if it never did."""
     left_room: bool
     """The vehicle flew through a wall, floor or ceiling."""
+    draws_truths: bool
+    """Distance and North were drawn, in place of the scene's."""
     steps: list[FlownIteration]
 
     @property

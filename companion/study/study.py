@@ -43,12 +43,14 @@ class Summary:
 @dataclass(frozen=True, slots=True)
 class Settings:
     """What a plan may depend on: how many trials a condition has, where real recordings are, which scenes are asked for
-    (none means all), and whether missions' motion goes by the fixed rule or is chosen."""
+    (none means all), whether missions' motion goes by the fixed rule or is chosen, and whether their distance and North
+    are the scene's or drawn."""
 
     trials: int
     data: Path
     scenes: tuple[str, ...] = ()
     motion: Literal["chosen", "fixed"] = "chosen"
+    truths: Literal["fixed", "drawn"] = "fixed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

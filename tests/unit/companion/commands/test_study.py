@@ -51,6 +51,7 @@ def test_command_without_recordings_says_so(
     assert _command(monkeypatch, "crb", "--cluster", "local:none", "--out", tmp_path) == 2
     assert _command(monkeypatch, "crb", "--scenes", "hall", "--out", tmp_path) == 2
     assert _command(monkeypatch, "crb", "--motion", "fixed", "--out", tmp_path) == 2
+    assert _command(monkeypatch, "crb", "--truths", "drawn", "--out", tmp_path) == 2
     capsys.readouterr()
     assert _command(monkeypatch, "rendezvous", "--scenes", "hall,hell", "--out", tmp_path) == 2
     assert "'hell' is unknown; expected one of open, hall" in capsys.readouterr().err
@@ -61,7 +62,7 @@ def test_a_run_that_was_cut_short_goes_on_and_writes_its_page(
 ) -> None:
     row = MissionRow(
         scene="hall", number=0, time_s=50.0, straight_s=25.0, end="arrived", closest_m=1.0, reached_s=40.0,
-        arrived_m=1.0, left_room=False, steps=[],
+        arrived_m=1.0, left_room=False, draws_truths=False, steps=[],
     )  # fmt: skip
     flown: list[int] = []
 

@@ -150,6 +150,17 @@ def test_where_the_robots_are_may_be_given() -> None:
     assert (placed.beacon_azimuth_rad, placed.drive_azimuth_rad) == (1.0, 0.5)
 
 
+def test_how_far_the_robot_is_and_what_is_taken_for_north_may_be_given() -> None:
+    """The room is drawn around where the robot then is."""
+    hall, other = set_in(scene(2), "hall"), set_in(scene(2), "hall", distance_m=31.0, north_error_rad=0.2)
+    assert (hall.start_distance_m, other.start_distance_m) == (15.0, 31.0)
+    assert abs(other.uav.frame_yaw_rad - hall.uav.frame_yaw_rad) == pytest.approx(0.2)
+    x, y, _ = BeaconDrive(other).place(0.0)
+    assert math.hypot(x, y) == pytest.approx(31.0)
+    assert not is_outside(other.radio, (x, y, 1.0))
+    assert other.beacon_azimuth_rad == hall.beacon_azimuth_rad
+
+
 def test_an_unknown_scene_is_refused_with_all_there_are() -> None:
     with pytest.raises(ConfigError, match=r"'hell' is unknown; expected one of open, hall, .*occluded"):
         set_in(scene(), "hell")

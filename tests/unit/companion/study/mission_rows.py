@@ -22,6 +22,7 @@ def mission(scene: str = "hall", number: int = 0, **changes: Any) -> MissionRow:
     """One that arrives after 40 s, 1.5 m from the robot."""
     values: dict[str, Any] = {
         "scene": scene, "number": number, "time_s": 40.0, "straight_s": 30.0, "end": "arrived", "closest_m": 1.4,
-        "reached_s": 35.0, "arrived_m": 1.5, "left_room": False, "steps": [step(n) for n in range(9)],
+        "reached_s": 35.0, "arrived_m": 1.5, "left_room": False, "draws_truths": False,
+        "steps": [step(n) for n in range(9)],
     }  # fmt: skip
     return MissionRow(**values | changes)

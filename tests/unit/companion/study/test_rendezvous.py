@@ -95,3 +95,19 @@ def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
         ("open", 0, False),
         ("hall", 0, False),
     ]
+
+
+def test_drawn_truths_are_other_in_each_mission_and_the_same_whatever_else_is_flown() -> None:
+    plan = study("rendezvous").plan(Settings(400, DATA, ("hall", "far"), truths="drawn"))
+    assert all(case.draws_truths for case in plan)
+    worlds = [rendezvous.world(case, trial_seed(SEED, 1)) for case in plan]
+    assert worlds[5] == rendezvous.world(plan[5], trial_seed(SEED, 9))
+    for name in ("hall", "far"):
+        drawn = [each for case, each in zip(plan, worlds, strict=True) if case.scene == name]
+        distances_m = np.array([each.start_distance_m for each in drawn])
+        assert 3.0 < distances_m.min() < 5.0
+        assert 33.0 < distances_m.max() < 35.0
+        assert np.mean(distances_m) == pytest.approx(19.0, abs=2.0)
+        assert np.std([math.degrees(each.uav.frame_yaw_rad) for each in drawn]) == pytest.approx(9.0, abs=1.5)
+    fixed = study("rendezvous").plan(Settings(20, DATA, ("hall", "far")))
+    assert {rendezvous.world(case, trial_seed(SEED, 1)).start_distance_m for case in fixed} == {15.0, 30.0}
