@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from companion.core.messages import Vector3
+from companion.guidance.modes import densest
+from companion.sensing.records import Bearing
 from wsr.aoa import Matrix3
 
 _Floats = npt.NDArray[np.float64]
@@ -81,6 +83,37 @@ class TargetReport:
     target: Target
     p_local_enu_m: Vector3
     """Where the target was when the bearing was taken."""
+
+
+def of_places(origins_m: _Floats, weight: _Floats, newest: Bearing) -> Target:
+    """What places (N, 3) of the origin with weights (N,), which come to one, say after the newest bearing."""
+    here_m = np.subtract(newest.p_local_enu_m, newest.target_p_enu_m)
+    left, found = weight.copy(), list[tuple[float, npt.NDArray[np.intp]]]()
+    for _ in range(3):
+        members = densest(origins_m - here_m, left)
+        found.append((float(left[members].sum()), members))
+        left[members] = 0.0
+        if left.sum() < 0.05:
+            break
+    found.sort(key=lambda mode: -mode[0])
+    probability, members = found[0]
+    mean_m, covariance = moments(origins_m[members], weight[members])
+    offset_m = mean_m - here_m
+    range_m = float(np.linalg.norm(offset_m))
+    along = offset_m / max(range_m, 1e-9)
+    rivals = [Rival(vector(moments(origins_m[m], weight[m])[0]), p) for p, m in found[1:] if p > 0.02]
+    return Target(
+        t_mono_ns=newest.t_mono_ns,
+        azimuth_rad=math.atan2(offset_m[1], offset_m[0]),
+        origin_local_enu_m=vector(mean_m),
+        covariance_m2=(vector(covariance[0]), vector(covariance[1]), vector(covariance[2])),
+        boot=newest.target_boot,
+        range_m=range_m,
+        range_std_m=math.sqrt(float(along @ covariance @ along)),
+        probability=min(1.0, probability),
+        whole=whole_belief(origins_m, weight, here_m, along),
+        rivals=tuple(rivals),
+    )
 
 
 def whole_belief(origins_m: _Floats, weight: _Floats, here_m: _Floats, along: _Floats) -> WholeBelief:

@@ -22,9 +22,10 @@ from companion.guidance.antenna_height import AntennaHeight
 from companion.guidance.crossings import Crossings
 from companion.guidance.likelihood import elsewhere, likelihoods
 from companion.guidance.loudness import Loudness
-from companion.guidance.modes import densest, normalised, systematic
+from companion.guidance.modes import normalised, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
-from companion.guidance.target import Rival, Scatter, Target, moments, vector, whole_belief
+from companion.guidance.target import Scatter, Target, of_places
+from companion.guidance.target_axes import AXES_STD_RAD, carried_m, drawn_axes, share_driven
 from companion.guidance.twins import parted
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.frame_turn import DRIFT, DRIFT_ALIKE_M
@@ -83,8 +84,9 @@ class TargetTracker:
         self._heights = AntennaHeight(antenna_height_m)
         self._drift = drift
         self._rng = np.random.default_rng(_PARTICLES)
+        self._axes_rng = np.random.default_rng([_PARTICLES, 1])  # of a target that stands they change nothing
         self._origins_m = np.zeros((0, 3))
-        self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, 0))
+        self._log_weight, self._heading_rad, self._elevation_rad, self._axes_rad = np.zeros((4, 0))
         self._share = np.zeros((0, 0))
         """(K, N) probability of each kind of room, if the target is at a particle."""
         self._lines = Crossings()
@@ -118,7 +120,7 @@ class TargetTracker:
             count = round(_AT_FIRST * _PARTICLES)
             self._told, self._age = np.zeros(count), np.full(count, math.inf)
             self._origins_m = np.zeros((count, 3))
-            self._log_weight, self._heading_rad, self._elevation_rad = np.zeros((3, count))
+            self._log_weight, self._heading_rad, self._elevation_rad, self._axes_rad = np.zeros((4, count))
             self._share = np.zeros((len(REGIMES), count))
             density = self._draw(bearing, ground_m, np.arange(count), _ANYWHERE)
             self._share = prior_share(self._elevation_rad)
@@ -126,12 +128,13 @@ class TargetTracker:
             self._fenced = self._log_reach(self._origins_m, bearing)
             drawn = self._fenced if self._heights.is_expected else self._fenced + self._stood
             self._log_weight = normalised(drawn - np.log(density))
-            self._weigh(bearing, ground_m)
+            self._weigh(bearing, ground_m, self._drift)
         else:
+            driven = share_driven(self._newest, bearing)
             self._wander(self._newest, bearing)
             self._turn(self._newest, bearing)
             self._bear(bearing, ground_m)
-            self._weigh(bearing, ground_m)
+            self._weigh(bearing, ground_m, math.hypot(self._drift, AXES_STD_RAD * driven))
             self._listen(bearing)
         self._newest = bearing
         self._lines.add(_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad))
@@ -185,38 +188,9 @@ class TargetTracker:
         """What all bearings together say, worked out when it is first asked for. Raises AssertionError before the
         first."""
         if self._target is None:
-            self._target = self._found()
+            assert self._newest is not None
+            self._target = of_places(self._origins_m, np.exp(self._log_weight), self._newest)
         return self._target
-
-    def _found(self) -> Target:
-        assert self._newest is not None
-        weight, here_m = np.exp(self._log_weight), _place(self._newest)
-        left, found = weight.copy(), list[tuple[float, npt.NDArray[np.intp]]]()
-        for _ in range(3):
-            members = densest(self._origins_m - here_m, left)
-            found.append((float(left[members].sum()), members))
-            left[members] = 0.0
-            if left.sum() < 0.05:
-                break
-        found.sort(key=lambda mode: -mode[0])
-        probability, members = found[0]
-        mean_m, covariance = moments(self._origins_m[members], weight[members])
-        offset_m = mean_m - here_m
-        range_m = float(np.linalg.norm(offset_m))
-        along = offset_m / max(range_m, 1e-9)
-        rivals = [Rival(vector(moments(self._origins_m[m], weight[m])[0]), p) for p, m in found[1:] if p > 0.02]
-        return Target(
-            t_mono_ns=self._newest.t_mono_ns,
-            azimuth_rad=math.atan2(offset_m[1], offset_m[0]),
-            origin_local_enu_m=vector(mean_m),
-            covariance_m2=(vector(covariance[0]), vector(covariance[1]), vector(covariance[2])),
-            boot=self._newest.target_boot,
-            range_m=range_m,
-            range_std_m=math.sqrt(float(along @ covariance @ along)),
-            probability=min(1.0, probability),
-            whole=whole_belief(self._origins_m, weight, here_m, along),
-            rivals=tuple(rivals),
-        )
 
     def _note(self, bearing: Bearing) -> None:
         """A source whose range shows where it is."""
@@ -254,6 +228,7 @@ class TargetTracker:
         # As bearings show the place, turned by what all of them are off.
         self._heading_rad[which] = heading = self._rng.normal(0.0, bearing.turn.std_rad, count)
         self._elevation_rad[which] = elevation = drawn_elevation(self._rng, count)
+        self._axes_rad[which] = drawn_axes(self._axes_rng, count)
         azimuth, polar = azimuth - heading, np.clip(polar - elevation, 0.0, math.pi)
         units = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
         range_m = self._ranges_m(_place(bearing), units)
@@ -279,6 +254,8 @@ class TargetTracker:
         std_m = math.hypot(self._drift * math.sqrt(DRIFT_ALIKE_M * gone_m), _WALK_M_SQRT_S * math.sqrt(elapsed_s))
         self._heights.wander(std_m)
         self._origins_m = self._origins_m + self._rng.normal(0.0, std_m, self._origins_m.shape)
+        driven_m = np.subtract(bearing.target_p_enu_m, before.target_p_enu_m)
+        self._origins_m += carried_m(self._axes_rad, driven_m)
 
     def _turn(self, before: Bearing, bearing: Bearing) -> None:
         """Bearings are turned by what the flight has shown of North; what particles hold of the rest of it follows."""
@@ -287,16 +264,15 @@ class TargetTracker:
         self._heading_rad = old + (bearing.turn.yaw_rad - before.turn.yaw_rad)
         self._log_weight = normalised(self._log_weight + 0.5 * ((old / old_std) ** 2 - (self._heading_rad / std) ** 2))
 
-    def _weigh(self, bearing: Bearing, ground_m: float) -> None:
+    def _weigh(self, bearing: Bearing, ground_m: float, drift: float) -> None:
         """Packets that counted before do not count again: a likelihood is raised to the share of the fresh ones."""
         offsets_m = self._origins_m - _place(bearing)
         flat_m = np.hypot(offsets_m[:, 0], offsets_m[:, 1])
         azimuth = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) + self._heading_rad
         polar = np.clip(np.arctan2(flat_m, offsets_m[:, 2]) + self._elevation_rad, 0.0, math.pi)
         again = elsewhere(bearing, self._lines.directions())
-        found = likelihoods(
-            bearing, azimuth, polar, np.hypot(flat_m, offsets_m[:, 2]), elsewhere=again, drift=self._drift
-        )
+        range_m = np.hypot(flat_m, offsets_m[:, 2])
+        found = likelihoods(bearing, azimuth, polar, range_m, elsewhere=again, drift=drift)
         self._share = changed(self._share, bearing.fresh)
         self._multiply(of_bearing(self._share, np.exp(self._log_weight), found, bearing.fresh))
         self._keep_possible(bearing, ground_m)
@@ -371,7 +347,8 @@ class TargetTracker:
         flat = self._heights.expected_m(self._rng, len(which)) if math.isfinite(ground_m) else None
         if flat is not None:
             self._origins_m[which, 2] = ground_m + flat - bearing.target_p_enu_m[2]
-        self._heading_rad[which], self._elevation_rad[which] = self._heading_rad[like], self._elevation_rad[like]
+        for constant in (self._heading_rad, self._elevation_rad, self._axes_rad):
+            constant[which] = constant[like]
         self._share[:, which], self._fenced[which] = self._share[:, like], self._fenced[like]
 
     def _resample(self) -> None:
@@ -385,14 +362,16 @@ class TargetTracker:
         self._fenced, self._age = self._fenced[chosen], self._age[chosen]
         here_m = _place(self._newest)
         self._origins_m = here_m + parted(self._origins_m[chosen] - here_m, self._rng)
-        self._heading_rad = self._kept_to(self._heading_rad[chosen], self._newest.turn.std_rad)
+        self._heading_rad = _kept_to(self._heading_rad[chosen], self._newest.turn.std_rad, self._rng)
+        self._axes_rad = _kept_to(self._axes_rad[chosen], AXES_STD_RAD, self._axes_rng)
         self._elevation_rad = self._elevation_rad[chosen] + self._rng.normal(0.0, _TWIN_RAD, count)
         self._share = self._share[:, chosen]
         self._log_weight = np.full(count, -math.log(count))
 
-    def _kept_to(self, angle_rad: _Floats, std_rad: float) -> _Floats:
-        """Twins of a constant part, with the deviation they were drawn with."""
-        return np.asarray(0.995 * angle_rad + self._rng.normal(0.0, 0.1 * std_rad, len(angle_rad)))
+
+def _kept_to(angle_rad: _Floats, std_rad: float, rng: np.random.Generator) -> _Floats:
+    """Twins of a constant part, with the deviation they were drawn with."""
+    return np.asarray(0.995 * angle_rad + rng.normal(0.0, 0.1 * std_rad, len(angle_rad)))
 
 
 def _place(bearing: Bearing) -> _Floats:

@@ -46,7 +46,7 @@ class MissionCase:
     number: int
     chooses_motion: bool = True
     draws_truths: bool = False
-    """Its distance and what the vehicle takes for North are drawn, in place of the scene's."""
+    """Its distance and what both robots take for North are drawn, in place of the scene's."""
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
@@ -62,9 +62,9 @@ def world(case: MissionCase, seed: SeedSequence) -> Scenario:
     if not case.draws_truths:
         return set_in(base, case.scene)
     rng = np.random.default_rng([base.seed, _DRAWN_STREAM])
-    return set_in(
-        base, case.scene, distance_m=float(rng.uniform(*DRAWN_M)), north_error_rad=float(rng.normal(0.0, NORTH_STD_RAD))
-    )
+    distance_m, (own_rad, beacon_rad) = rng.uniform(*DRAWN_M), rng.normal(0.0, NORTH_STD_RAD, 2).tolist()
+    placed = set_in(base, case.scene, distance_m=float(distance_m), north_error_rad=own_rad)
+    return replace(placed, beacon=replace(placed.beacon, frame_yaw_rad=placed.beacon.frame_yaw_rad + beacon_rad))
 
 
 def _own(case: MissionCase, seed: SeedSequence) -> SeedSequence:

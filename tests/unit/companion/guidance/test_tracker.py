@@ -212,6 +212,22 @@ def test_a_target_that_drives_across_is_not_taken_for_near() -> None:
     assert math.dist((4.5, 0.0, 1.5), on_the_way) == pytest.approx(math.dist(place, there), abs=1e-6)
 
 
+@pytest.mark.parametrize("turned_deg", [-15.0, 15.0])
+def test_what_a_driving_target_takes_for_north_is_not_believed(turned_deg: float) -> None:
+    """Its own poses turn its way by as much: it is elsewhere than they say."""
+    tracker, start_m = TargetTracker(antenna_height_m=0.5), np.array([10.0, 3.0, 0.5])
+    c, s, checks = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg)), []
+    for step in range(40):
+        gone_m = np.array([0.3, 0.2, 0.0]) * step
+        behind_m = 10.0 - 0.2 * step
+        place = np.array([start_m[0] + gone_m[0] - behind_m, gone_m[1] + 0.6 * math.sin(0.5 * step), 1.5])
+        own_m = np.array([c * gone_m[0] - s * gone_m[1], s * gone_m[0] + c * gone_m[1], 0.0])
+        found = tracker.add(bearing_to(start_m + gone_m, place, float(step), own_m), 0.0)
+        checks.append(check(found, tuple(own_m), tuple(start_m + gone_m), tuple(place)))
+    assert max(each.nees for each in checks) < 8.0, [round(each.nees, 1) for each in checks]
+    assert all(each.direction_held for each in checks)
+
+
 def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:
     tracker, target = TargetTracker(), np.array([6.0, 3.0, 0.5])
     for y in range(7):
