@@ -82,6 +82,7 @@ NOT_RUN: Final[Mapping[str, str]] = {
     "study geometry": _HOURS,
     "study rendezvous --scenes hall,hard --trials 200 --markdown rendezvous.md --out DIR": _HOURS,
     "study rendezvous --trials 192 --seed 2 --motion fixed": _HOURS,
+    "study rendezvous --trials 1100 --seed 2 --truths drawn": _HOURS,
     "study rendezvous --trials 1000 --cluster tcp://HOST:8786": _HOURS,
     "study rendezvous --trials 1000 --cluster local:4": _HOURS,
     "demo --card ax210": _FLIGHT,
