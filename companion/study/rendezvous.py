@@ -125,8 +125,8 @@ def _belief(point: MissionPoint) -> BeliefCheck | None:
     iteration = point.iteration
     if point.target is None or iteration.p_local_enu_m is None or iteration.peer_p_enu_m is None:
         return None
-    # The autopilot's local frame begins where the world does.
-    found = check(point.target, iteration.peer_p_enu_m, point.beacon_enu_m, iteration.p_local_enu_m)
+    x, y, z = (p + off for p, off in zip(point.beacon_enu_m, point.local_off_m, strict=True))
+    found = check(point.target, iteration.peer_p_enu_m, (x, y, z), iteration.p_local_enu_m)
     return found._replace(nees=round(found.nees, 3))
 
 

@@ -74,6 +74,8 @@ class MissionPoint:
     """What it made of the target; None where it steered nothing."""
     uav_enu_m: Vector3
     beacon_enu_m: Vector3
+    local_off_m: Vector3
+    """How far places in the autopilot's local frame then were from the world's."""
     is_beacon_moving: bool
     time_s: float
     """Of the reference point, from engaging."""
@@ -127,9 +129,11 @@ def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motio
 
 async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, chooses_motion: bool) -> MissionResult:
     clock = VirtualClock()
+    _, gust_seed, wander_seed = (int(word) for word in seed.generate_state(3))
     world = _World(
         scenario=with_levers(scenario),
-        gust_seed=int(seed.generate_state(2)[1]),
+        gust_seed=gust_seed,
+        wander_seed=wander_seed,
         clock=clock,
         max_time_s=max_time_s,
         chooses_motion=chooses_motion,
@@ -152,6 +156,7 @@ class _World:
         *,
         scenario: Scenario,
         gust_seed: int,
+        wander_seed: int,
         clock: VirtualClock,
         max_time_s: float,
         chooses_motion: bool = True,
@@ -166,7 +171,7 @@ class _World:
         self._iterations: list[tuple[Iteration, Target | None]] = []
         self._target: Target | None = None
         self._end_ns = _START_NS + round(max_time_s * NS_PER_S)
-        self._vehicle = Vehicle(gust_seed, settings.mission.takeoff_height_m, clock)
+        self._vehicle = Vehicle(gust_seed, wander_seed, settings.mission.takeoff_height_m, clock)
         self._track, self._drive = VehicleTrack(), BeaconDrive(scenario)
         self._radio = RadioFeed(scenario)
         self._window = SarWindow(
@@ -214,7 +219,8 @@ class _World:
         self._beacon_clock_ns = round(scenario.beacon.clock_offset_s * NS_PER_S)
         self._engaging: asyncio.Task[str] | None = None
         self._batch_s = self._step_s = 0.0
-        self._truth: list[tuple[float, Vector3, Vector3]] = []
+        self._truth: list[tuple[float, Vector3, Vector3, Vector3]] = []
+        """Time, antennas of both, and how far off the local frame was."""
         self._begun = self._crashed = False
         self._moving_from_s = math.inf
 
@@ -237,8 +243,8 @@ class _World:
         return not self._is_over(now_ns)
 
     def result(self, ended_in: State) -> MissionResult:
-        apart = [math.dist(uav, beacon) for _, uav, beacon in self._truth]
-        near_s = [t for (t, _, _), apart_m in zip(self._truth, apart, strict=True) if apart_m <= RENDEZVOUS_M]
+        apart = [math.dist(uav, beacon) for _, uav, beacon, _ in self._truth]
+        near_s = [t for (t, *_), apart_m in zip(self._truth, apart, strict=True) if apart_m <= RENDEZVOUS_M]
         start_s = _START_NS / NS_PER_S
         return MissionResult(
             time_s=max(0.0, self._clock.now_ns() / NS_PER_S - start_s),
@@ -304,19 +310,21 @@ class _World:
             tuple(robot.antennas_at(at, np.array([lever]))[0, 0].tolist())
             for robot, lever in ((uav, LEVER_M), (beacon, BEACON_LEVER_M))
         )
-        self._truth.append((t_s, u, b))
+        frame = self._vehicle.airframe
+        ex, ey, ez = np.subtract(frame.estimated_p_enu_m, frame.p_enu_m).tolist()
+        self._truth.append((t_s, u, b, (ex, ey, ez)))
         self._crashed |= is_outside(self._room, u)
         self._drive.watch(t_s, math.dist(u, b), math.hypot(u[0], u[1]))
         if math.isinf(self._moving_from_s) and any(self._drive.velocity(t_s)):
             self._moving_from_s = t_s
 
     def _points(self) -> list[MissionPoint]:
-        times_s = np.array([t for t, _, _ in self._truth])
-        ends_m = [np.array([row[i] for row in self._truth]) for i in (1, 2)]
+        times_s = np.array([t for t, *_ in self._truth])
+        ends_m = [np.array([row[i] for row in self._truth]) for i in (1, 2, 3)]
         points = []
         for iteration, target in self._iterations:
             t_s = iteration.reference_ns / NS_PER_S
-            uav, beacon = (_interpolated(t_s, times_s, p_m) for p_m in ends_m)
+            uav, beacon, off = (_interpolated(t_s, times_s, p_m) for p_m in ends_m)
             moving = t_s >= self._moving_from_s
             since_s = t_s - _START_NS / NS_PER_S
             points.append(
@@ -325,6 +333,7 @@ class _World:
                     target=target,
                     uav_enu_m=uav,
                     beacon_enu_m=beacon,
+                    local_off_m=off,
                     is_beacon_moving=moving,
                     time_s=since_s,
                 )

