@@ -46,7 +46,8 @@ class MissionCase:
     number: int
     chooses_motion: bool = True
     draws_truths: bool = False
-    """Its distance and what both robots take for North are drawn, in place of the scene's."""
+    """Its distance and what both robots take for North are drawn, in place of the scene's, and the autopilot's estimate
+    wanders."""
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
@@ -84,7 +85,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
         acceleration_m_s2=limits.acceleration_m_s2,
         begins_s=WARM_UP_S,
     )
-    result = fly(around, _own(case, seed), MAX_TIME_S, case.chooses_motion)
+    result = fly(around, _own(case, seed), MAX_TIME_S, chooses_motion=case.chooses_motion, wanders=case.draws_truths)
     return MissionRow(
         scene=case.scene,
         number=case.number,

@@ -74,7 +74,7 @@ def test_from_high_up_a_vehicle_comes_down_to_where_it_can_say_that_it_has_arriv
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Three metres up, a robot on the floor is never within two metres. Of these it is nine in ten sure when it says
-    so, and its height wanders: a foot more is no false arrival."""
+    so: a foot more is no false arrival."""
     usual = virtual_mission.config()
     high = replace(usual, mission=replace(usual.mission, takeoff_height_m=3.0))
     monkeypatch.setattr(virtual_mission, "config", lambda: high)
