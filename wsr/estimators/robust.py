@@ -107,24 +107,32 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     )
     ranges_m: tuple[float | None, ...] = options.ranges_m if options.focus else (None,)
 
-    def searched(parts: SubApertures) -> Look:
+    def searched(parts: SubApertures, nearer_m: tuple[float, ...] = ()) -> Look:
         if level:
             circles = circle_grid(options.step_rad, options.planar_polars_rad)
-            return look_around(parts, circles, ranges_m, options.delay_ns)
-        return look(parts, options.step_rad, ranges_m, options.delay_ns)
+            return look_around(parts, circles, (*nearer_m, *ranges_m), options.delay_ns)
+        return look(parts, options.step_rad, (*nearer_m, *ranges_m), options.delay_ns)
 
     lean = fused.condensed()
     seen = searched(lean)
     beam_rad = wavelength_m / float(extents[0])
     bounds = Bounds(options.min_planar_polar_rad, math.pi / 2, True) if level else Bounds()
     focus = _climbed(lean, seen, bounds, beam_rad, options=options)
+    nearer_m = options.near_ranges_m if options.focus and _may_be_nearer(focus, seen) else ()
+    if nearer_m:
+        nearer = searched(lean, nearer_m)
+        from_near = _climbed(lean, nearer, bounds, beam_rad, options=options)
+        if from_near.range_m is not None and from_near.range_m < nearer_m[-1] * math.sqrt(2.0):
+            seen, focus = nearer, from_near
+        else:
+            nearer_m = ()
     drift, left = None, matched(fused, x, bins.segment, focus)
     if options.drift and (level or not flat) and time_correlation(np.angle(left)) > _TREND:
         starts = [(focus.azimuth_rad, focus.polar_rad), _elsewhere(seen, focus)]
         drift = find_drift(fused, prepared.bin_t_s, focus, starts, ranges_m=ranges_m, beam_rad=beam_rad, bounds=bounds)
     if drift is not None:
         fused, focus = turned(fused, drift.tau, drift.turns), drift.focus
-        seen, left = searched(fused.condensed()), matched(fused, x, bins.segment, focus)
+        seen, left = searched(fused.condensed(), nearer_m), matched(fused, x, bins.segment, focus)
     if not level and focus.coherence > options.coherent_above:
         focus = most_likely(
             fused, x, bins.segment, bins.counts, focus=focus, nuisance=None if drift is None else drift.tau
@@ -173,6 +181,13 @@ def _climbed(fused: SubApertures, seen: Look, bounds: Bounds, beam_rad: float, *
 
     best = max(found, key=fused_score)
     return best if bounds.planar else _settled(fused, seen, best, options)
+
+
+def _may_be_nearer(focus: Focus, seen: Look) -> bool:
+    """The nearest of the ranges that were looked at fits best, or a nearer one."""
+    nearest_m = seen.ranges_m[0]
+    is_nearer = focus.range_m is not None and nearest_m is not None and focus.range_m < nearest_m
+    return is_nearer or int(np.argmax(seen.combined.max(axis=0))) == 0
 
 
 def _settled(fused: SubApertures, seen: Look, focus: Focus, options: RobustOptions) -> Focus:

@@ -41,6 +41,18 @@ def test_near_source_in_direction_and_range() -> None:
     assert great_circle(direction(profile.azimuth_rad[column], profile.polar_rad[row]), U) < math.radians(3)
 
 
+@pytest.mark.parametrize("range_m", [0.6, 0.8, 1.1])
+def test_source_nearer_than_the_path_is_long(range_m: float) -> None:
+    """Waves of a source so near look like those of none that is 2 m away."""
+    t, p = weave(900)
+    missed = 0
+    for azimuth_rad in np.arange(0.0, math.tau, 0.7):
+        source = (p.mean(axis=0) + range_m * direction(azimuth_rad, 2.0))[None, :]
+        estimate, _ = Robust().estimate(aperture_towards(t, p, source))
+        missed += error_deg(estimate, source) > 0.5 or estimate.range_m != pytest.approx(range_m, rel=0.05)
+    assert missed <= 1  # of nine
+
+
 def test_plane_waves_are_biased_where_spherical_ones_are_not() -> None:
     """A quarter of an ellipse, so that curvature does not cancel over the path."""
     s = np.linspace(0, 1, 700)[:, None]
