@@ -28,9 +28,9 @@ _SURE: Final = 0.75
 """A source that is so likely makes the direction sure: a belief always leaves some to places nobody has looked at."""
 _BEYOND: Final = 0.5
 """Of the range of arrival: a robot that far outside the fence can still be come near to from inside."""
-_CONFIRMED: Final = 0.4
+_CONFIRMED: Final = 0.35
 """Apertures' worth of new packets over which the target must seem to be within the range of arrival all the time,"""
-_CONFIRMED_AMONG_ECHOES: Final = 0.8
+_CONFIRMED_AMONG_ECHOES: Final = 0.75
 """and where echoes may turn bearings slowly, which looks like a source that is near."""
 _KIND: Final = 0.8
 """There are none where a kind room has been so probable"""

@@ -55,7 +55,9 @@ _REACH_M: Final = (0.5, 40.0)
 """Targets are looked for within: radio does not reach much farther indoors."""
 _SPREAD_RAD: Final = math.radians(7.0)
 _TWIN_RAD: Final = math.radians(0.4)
-_WALK_M_SQRT_S: Final = 0.02
+_WALK_M_SQRT_S: Final = 0.05
+"""By which the target's place in the local frame walks in a second, beside drift: an autopilot's estimate wanders by
+0.2 to 0.3 m in half a minute."""
 _SPREAD_EVENLY: Final = 0.7
 """Of new particles: at any range alike. The others are spread by ratios, so that near places are not forgotten."""
 _CROSSING: Final = 0.6

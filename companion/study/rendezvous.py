@@ -2,9 +2,9 @@
 fig:HW_application_stats_crb_error).
 
 A mission is flown until the vehicle calls itself arrived or ends otherwise, four minutes at most; every mission has its
-own room, crystals, camera drift and gusts, and mission n of a scene is the same one whatever else is flown. How far
-away the robot is and how far off North is the scene says, or they are drawn as a belief expects them: only then has its
-NEES a mean of 3.
+own room, crystals, gusts and errors of camera and autopilot, and mission n of a scene is the same one whatever else is
+flown. How far away the robot is and how far off North is the scene says, or they are drawn as a belief expects them:
+only then has its NEES a mean of 3.
 """
 
 from __future__ import annotations
@@ -46,8 +46,7 @@ class MissionCase:
     number: int
     chooses_motion: bool = True
     draws_truths: bool = False
-    """Its distance and what both robots take for North are drawn, in place of the scene's, and the autopilot's estimate
-    wanders."""
+    """Its distance and what both robots take for North are drawn, in place of the scene's."""
 
 
 def _plan(settings: Settings) -> list[MissionCase]:
@@ -85,7 +84,7 @@ def _trial(case: MissionCase, seed: SeedSequence) -> MissionRow:
         acceleration_m_s2=limits.acceleration_m_s2,
         begins_s=WARM_UP_S,
     )
-    result = fly(around, _own(case, seed), MAX_TIME_S, chooses_motion=case.chooses_motion, wanders=case.draws_truths)
+    result = fly(around, _own(case, seed), MAX_TIME_S, chooses_motion=case.chooses_motion)
     return MissionRow(
         scene=case.scene,
         number=case.number,

@@ -175,8 +175,8 @@ _NOTES = (
 
 
 _DRAWN_NOTE = (
-    "How far away the robot is and what both take for North were drawn, in place of the scene's own, and the "
-    "autopilot's estimate wandered: a mean NEES of 3 is then expected, and AOA errors hold those of North."
+    "How far away the robot is and what both take for North were drawn, in place of the scene's own: a mean NEES of 3 "
+    "is then expected, and AOA errors hold those of North."
 )
 
 

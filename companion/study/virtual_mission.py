@@ -122,23 +122,18 @@ def with_levers(scenario: Scenario) -> Scenario:
     return replace(scenario, uav=uav, beacon=beacon)
 
 
-def fly(
-    scenario: Scenario, seed: SeedSequence, max_time_s: float, *, chooses_motion: bool = True, wanders: bool = False
-) -> MissionResult:
-    """Until the vehicle calls itself arrived, or ends the mission otherwise. The autopilot's estimate is right to some
-    centimetres, or `wanders` as PX4's was seen to. The same arguments give the same one."""
-    return asyncio.run(_fly(scenario, seed, max_time_s, chooses_motion=chooses_motion, wanders=wanders))
+def fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, *, chooses_motion: bool = True) -> MissionResult:
+    """Until the vehicle calls itself arrived, or ends the mission otherwise. The same arguments give the same one."""
+    return asyncio.run(_fly(scenario, seed, max_time_s, chooses_motion=chooses_motion))
 
 
-async def _fly(
-    scenario: Scenario, seed: SeedSequence, max_time_s: float, *, chooses_motion: bool, wanders: bool
-) -> MissionResult:
+async def _fly(scenario: Scenario, seed: SeedSequence, max_time_s: float, *, chooses_motion: bool) -> MissionResult:
     clock = VirtualClock()
     _, gust_seed, wander_seed = (int(word) for word in seed.generate_state(3))
     world = _World(
         scenario=with_levers(scenario),
         gust_seed=gust_seed,
-        wander_seed=wander_seed if wanders else None,
+        wander_seed=wander_seed,
         clock=clock,
         max_time_s=max_time_s,
         chooses_motion=chooses_motion,
@@ -161,7 +156,7 @@ class _World:
         *,
         scenario: Scenario,
         gust_seed: int,
-        wander_seed: int | None = None,
+        wander_seed: int,
         clock: VirtualClock,
         max_time_s: float,
         chooses_motion: bool = True,

@@ -68,13 +68,11 @@ class Wander:
 
 
 class Vehicle:
-    """An airframe that grants every mode at once; a `companion.autopilot.port.Autopilot`. Its estimate may
-    wander."""
+    """An airframe that grants every mode at once; a `companion.autopilot.port.Autopilot`. Its estimate wanders."""
 
-    def __init__(self, gust_seed: int, wander_seed: int | None, height_m: float, clock: VirtualClock) -> None:
-        """Without `wander_seed` the estimate is right to some centimetres."""
+    def __init__(self, gust_seed: int, wander_seed: int, height_m: float, clock: VirtualClock) -> None:
         self._clock = clock
-        self._wander = None if wander_seed is None else Wander(wander_seed)
+        self._wander = Wander(wander_seed)
         self._setpoint: Setpoint | None = None
         self._mode = FlightMode.HOLD
         self._hover_m: Vector3 = (0.0, 0.0, height_m)
@@ -82,8 +80,7 @@ class Vehicle:
         self.airframe.p_enu_m = self._hover_m
 
     def step(self) -> None:
-        if self._wander is not None:
-            self.airframe.estimate_offset_enu_m = self._wander.step(AIRFRAME_S)
+        self.airframe.estimate_offset_enu_m = self._wander.step(AIRFRAME_S)
         if self._mode is FlightMode.OFFBOARD and self._setpoint is not None:
             s = self._setpoint
             place = (None, None, None) if s.p_local_enu_m is None else s.p_local_enu_m

@@ -144,7 +144,7 @@ async def _silenced(state: State) -> _Silenced:
     hold."""
     clock = VirtualClock()
     scene = replace(scenario(np.random.SeedSequence(3), RadioScenario(reflectors=())), start_distance_m=12.0)
-    world = _World(scenario=with_levers(scene), gust_seed=3, clock=clock, max_time_s=120.0)
+    world = _World(scenario=with_levers(scene), gust_seed=3, wander_seed=4, clock=clock, max_time_s=120.0)
     in_state_ns = last_ns = stale_ns = holding_ns = 0
     held_m: list[Vector3] = []
 

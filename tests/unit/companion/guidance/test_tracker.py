@@ -261,6 +261,21 @@ def test_a_frame_that_was_set_anew_takes_the_target_along() -> None:
     assert np.subtract(tracker.target().origin_local_enu_m, before.origin_local_enu_m) == pytest.approx((1, -2, 0.5))
 
 
+def test_a_local_frame_that_wanders_takes_the_target_along() -> None:
+    """The autopilot's estimate moves off by 0.6 m in half a minute, and with it where the target is in its frame."""
+    tracker, target, nees = TargetTracker(antenna_height_m=0.5), np.array([6.0, 3.0, 0.5]), list[float]()
+    for step in range(90):
+        gone = 0.5 - 0.5 * math.cos(math.pi * max(0.0, min(1.0, (step - 30) / 50)))
+        around, off_m = math.pi + 0.1 * step, gone * np.array([0.3, -0.3, 0.4])
+        place = target + np.array([1.5 * math.cos(around), 1.5 * math.sin(around), 1.0])
+        x, y, z = (place + off_m).tolist()
+        seen = replace(bearing_to(target, place, 0.6 * step), p_local_enu_m=(x, y, z), fresh=0.25)
+        truth_x, truth_y, truth_z = (target + off_m).tolist()
+        belief = tracker.add(seen, 0.0)
+        nees.append(check(belief, (0.0, 0.0, 0.0), (truth_x, truth_y, truth_z), (x, y, z)).nees)
+    assert np.mean(nees[30:]) < 2.5, nees
+
+
 def test_a_belief_that_ranges_have_misled_finds_back() -> None:
     """Echoes bend waves alike over metres of path: afterwards no particle is left at the right range but new ones. On
     the average over six draws of particles."""
