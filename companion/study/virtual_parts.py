@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from companion.radio.card import ANTENNAS, ChannelSample
 from companion.sensing.worker import compute
 from companion.sensing.worker_wire import AoaResult, request_of
 from companion.sim.px4.airframe import Airframe, AirframeLimits, Demand, Gusts
+from companion.sim.px4.wander import Wander
 from companion.sim.radio import DEFAULT_EPOCH_NS, RadioLink
 from companion.sim.scenario import Scenario
 from companion.sim.trajectory import Trajectory
@@ -41,30 +42,6 @@ _total_rss_dbm = lru_cache(maxsize=4096)(total_rss_dbm)
 _NOWHERE_ELSE = Prior(np.zeros(1), np.full(1, math.pi / 2), np.ones(1))
 """Nobody asks a virtual mission how much its apertures tell about other directions than the source's."""
 _COMPUTE_S = 0.1  # that the worker needs on the vehicle's processor, and the flight waits for
-
-
-WANDER_M: Final = np.array([0.2, 0.2, 0.3])
-_WANDER_S: Final = 15.0
-
-
-class Wander:
-    """How far an autopilot's estimate of its place is off: smoothly, by `WANDER_M` (1 sigma), forgotten in half a
-    minute; in height from nothing on the ground. So it was with PX4 1.16.1, flown with GPS in its own simulator: within
-    30 s it moved off by 0.2 m level and 0.4 m in height."""
-
-    def __init__(self, seed: int) -> None:
-        self._rng = np.random.default_rng(seed)
-        level_m = WANDER_M * (1.0, 1.0, 0.0)
-        self._off_m = level_m * self._rng.normal(size=3)
-        self._rate_m_s = level_m / _WANDER_S * self._rng.normal(size=3)
-
-    def step(self, dt_s: float) -> Vector3:
-        """Critically damped, driven by white noise."""
-        kick_m_s = 2.0 * WANDER_M * (dt_s / _WANDER_S**3) ** 0.5 * self._rng.normal(size=3)
-        self._rate_m_s += -(2.0 * self._rate_m_s + self._off_m / _WANDER_S) * (dt_s / _WANDER_S) + kick_m_s
-        self._off_m = self._off_m + self._rate_m_s * dt_s
-        x, y, z = self._off_m.tolist()
-        return x, y, z
 
 
 class Vehicle:

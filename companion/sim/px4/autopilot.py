@@ -36,6 +36,7 @@ from companion.sim.px4.commander import Commander, Mode
 from companion.sim.px4.link import Px4Link
 from companion.sim.px4.parameters import DEFAULTS, parsed
 from companion.sim.px4.rover import RoverFrame
+from companion.sim.px4.wander import Wander
 
 _SO_TIMESTAMPNS = 35  # socket(7)
 _TIMESPEC = struct.Struct("qq")
@@ -63,12 +64,12 @@ class Px4:
         signing_key: bytes | None = None,
         vehicle: str = "copter",
     ) -> None:
-        """`clock_rate`: of the vehicle's clock against ours. `drift_m`: how far the estimate's Up wanders before the
-        takeoff."""
-        gusts = None if seed is None else Gusts(seed)
+        """With `seed` there are gusts, and the estimate is off and wanders. `clock_rate`: of the vehicle's clock
+        against ours. `drift_m`: how far the estimate's Up wanders before the takeoff."""
+        gusts, wander = (None, None) if seed is None else (Gusts(seed), Wander(seed))
         drives = vehicle == "rover"
         airframe = RoverFrame(yaw_enu_rad, gusts) if drives else Airframe(AirframeLimits(), yaw_enu_rad, gusts)
-        self.commander = Commander(airframe, now_ns, parameters, drift_m)
+        self.commander = Commander(airframe, now_ns, parameters, drift_m, wander)
         clock = PowerUpClock(now_ns, _UP_S, clock_rate)
         self.link = Px4Link(
             commander=self.commander,

@@ -19,6 +19,7 @@ from companion.sim.px4.estimator import PositionEstimator
 from companion.sim.px4.navigator import Return, is_outside_fence, landing
 from companion.sim.px4.parameters import DEFAULTS, Parameters
 from companion.sim.px4.rover import RoverFrame
+from companion.sim.px4.wander import Wander
 
 _HISTORY = 200
 
@@ -79,12 +80,18 @@ class Commander:
     """
 
     def __init__(
-        self, airframe: Airframe, now_ns: int, parameters: Parameters | None = None, drift_m: float = 0.0
+        self,
+        airframe: Airframe,
+        now_ns: int,
+        parameters: Parameters | None = None,
+        drift_m: float = 0.0,
+        wander: Wander | None = None,
     ) -> None:
-        """`drift_m`: how far the estimate's Up wanders in the first minute on the ground."""
+        """`drift_m`: how far the estimate's Up wanders in the first minute on the ground; `wander`: all of it in
+        flight."""
         self.airframe = airframe
         self.parameters = DEFAULTS | (parameters or {})
-        self._drift_m = drift_m
+        self._drift_m, self._wander = drift_m, wander
         self.refuse_offboard = False
         self.failing_checks: tuple[str, ...] = ()
         """A fault to inject: names of `arming.CHECKS`."""
@@ -99,7 +106,7 @@ class Commander:
         """Begin as after power-up: disarmed, in hold, nothing heard of a stream. Counters and parameters stay."""
         self.airframe.rest()
         self.airframe.estimate_offset_enu_m = (0.0, 0.0, 0.0)
-        self.estimator = PositionEstimator(self.airframe, self.parameters, now_ns, self._drift_m)
+        self.estimator = PositionEstimator(self.airframe, self.parameters, now_ns, self._drift_m, self._wander)
         self.intention = self.mode = Mode.HOLD
         self.armed = self.failsafe = False
         self.landed = self.airframe.on_ground

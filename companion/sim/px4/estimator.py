@@ -13,6 +13,7 @@ from companion.core.clock import NS_PER_S, age_s
 from companion.core.messages import Vector3
 from companion.sim.px4.airframe import Airframe
 from companion.sim.px4.parameters import Parameters
+from companion.sim.px4.wander import Wander
 
 _VISION_LATE_S: Final = 0.3
 """EKF2_DELAY_MAX and the 0.1 s by which a sample may miss its time; older ones are past fusing."""
@@ -49,13 +50,23 @@ class Vision:
 class PositionEstimator:
     """The estimate minus the truth goes into `airframe.estimate_offset_enu_m`.
 
-    `drift_m` is how far Up wanders while the vehicle stands, in the first minute. `broken` is a fault to inject.
+    `drift_m` is how far Up wanders while the vehicle stands, in the first minute; all of it goes on with `wander` in
+    flight, where GPS is what places it. `broken` is a fault to inject.
     """
 
-    def __init__(self, airframe: Airframe, parameters: Parameters, now_ns: int, drift_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        airframe: Airframe,
+        parameters: Parameters,
+        now_ns: int,
+        drift_m: float = 0.0,
+        wander: Wander | None = None,
+    ) -> None:
         self._airframe = airframe
         self._parameters = parameters
         self._drift_m = drift_m
+        self._wander = wander
+        self._wandered_m: Vector3 | None = None
         self._now_ns = self._boot_ns = now_ns
         self._drifted_m = 0.0
         self.broken = False
@@ -127,6 +138,11 @@ class PositionEstimator:
         dt_s, self._now_ns = (now_ns - self._now_ns) / NS_PER_S, now_ns
         if stands:
             self._drift_at_rest()
+        elif self._wander is not None and self.uses_gps and dt_s > 0.0:
+            off_m, before_m = self._wander.step(dt_s), self._wandered_m
+            self._wandered_m = off_m
+            if before_m is not None:  # where it began is where the frame is
+                self._shift((off_m[0] - before_m[0], off_m[1] - before_m[1], off_m[2] - before_m[2]))
         if self.is_aided or self._fused_ns is None:
             self._drift_v_m_s = _ZERO
         elif not stands:

@@ -16,12 +16,10 @@ from companion.study.virtual_parts import (
     BEACON_ID,
     PARAMETERS,
     UAV_ID,
-    WANDER_M,
     CameraFeed,
     InlineWorker,
     RadioFeed,
     Vehicle,
-    Wander,
 )
 from tests.manual_clock import ManualClock
 from wsr.aperture import Aperture
@@ -92,14 +90,3 @@ def test_a_worker_answers_when_its_time_has_come_and_once() -> None:
         (1, 2, True),
     ]
     assert worker.due(2 * NS_PER_S) == []
-
-
-def test_an_estimate_wanders_slowly_and_as_far_as_it_should() -> None:
-    ways_m = []
-    for seed in range(40):
-        wander = Wander(seed)
-        ways_m.append([wander.step(0.025) for _ in range(2400)])
-    off_m = np.array(ways_m)
-    assert np.std(off_m[:, 1200:], axis=(0, 1)) == pytest.approx(WANDER_M, rel=0.25)
-    assert np.abs(off_m[:, :40, 2]).max() < 0.02, "a height is known on the ground"
-    assert np.abs(np.diff(off_m, axis=1)).max() < 0.005, "nothing that a controller would shake by"

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
+from companion.core.messages import Vector3
 from companion.sim.px4.commander import Mode
 from tests.unit.companion.sim.px4.client import GPS_DENIED, HOLD, LAND, OFFBOARD, Client, Seeing
 
@@ -181,6 +185,22 @@ def test_up_wanders_half_a_metre_before_the_takeoff_and_no_more_in_the_air() -> 
     assert client.px4.commander.airframe.p_enu_m[2] == pytest.approx(2.0, abs=0.2), "above the ground it took off from"
 
 
+def test_with_gps_the_estimate_wanders_in_flight_and_the_vehicle_with_it() -> None:
+    client = Client(seed=5, parameters={"MIS_TAKEOFF_ALT": 2.0})
+    client.run(30)
+    assert _off_m(client) < 0.15, "on the ground it is off by what gusts' estimator is, no more"
+    client.take_off()
+    off_m, steps_m = [], []
+    for _ in range(600):
+        before = np.subtract(*_estimated_and_true_m(client))
+        client.run(0.1)
+        steps_m.append(float(np.abs(np.subtract(*_estimated_and_true_m(client)) - before).max()))
+        off_m.append(_off_m(client))
+    assert 0.2 < max(off_m) < 1.5
+    assert max(steps_m) < 0.05, "nothing that looks like a reset"
+    assert client.px4.commander.estimator.resets == 0
+
+
 def test_position_lost_by_gps_lands_too() -> None:
     client = Client(parameters={"COM_OBL_RC_ACT": 5})
     client.take_off()
@@ -189,3 +209,12 @@ def test_position_lost_by_gps_lands_too() -> None:
     client.run(1.1, stream_hz=20)
     assert client.mode() is Mode.LAND, "hold cannot be flown without a position"
     assert client.set_mode(OFFBOARD) == [0, 1]
+
+
+def _estimated_and_true_m(client: Client) -> tuple[Vector3, Vector3]:
+    airframe = client.px4.commander.airframe
+    return airframe.estimated_p_enu_m, airframe.p_enu_m
+
+
+def _off_m(client: Client) -> float:
+    return math.dist(*_estimated_and_true_m(client))
