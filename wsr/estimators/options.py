@@ -44,7 +44,8 @@ class RobustOptions:
     bin_wavelengths: float = 1 / 13.5
     ranges_m: tuple[float, ...] = (2.0, 3.5, 7.0, 30.0)
     near_ranges_m: tuple[float, ...] = (0.6, 1.0)
-    """Searched too where the nearest of these fits best: waves of a source so near fit none of them."""
+    """Searched too where the nearest of these fits best: waves of a source so near fit none of them. Believed where the
+    aperture adds up coherently: echoes seem near, too."""
     step_rad: float = math.radians(2.0)
     planar_polars_rad: tuple[float, ...] = (math.radians(80.0), math.radians(66.0))
     """Circles searched over a level path. Phases go with the sine: none of 62 to 90 degrees is more than 4 % off."""

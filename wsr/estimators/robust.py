@@ -122,7 +122,8 @@ def find(prepared: Prepared, options: RobustOptions) -> Found:
     if nearer_m:
         nearer = searched(lean, nearer_m)
         from_near = _climbed(lean, nearer, bounds, beam_rad, options=options)
-        if from_near.range_m is not None and from_near.range_m < nearer_m[-1] * math.sqrt(2.0):
+        is_near = from_near.range_m is not None and from_near.range_m < nearer_m[-1] * math.sqrt(2.0)
+        if is_near and from_near.coherence > options.coherent_above:
             seen, focus = nearer, from_near
         else:
             nearer_m = ()
