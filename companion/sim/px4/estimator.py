@@ -28,6 +28,8 @@ _FOLLOW_S: Final = 0.3
 _DRIFT_M_S2: Final = 0.16
 """Without anything to hold on to: 2 m in 5 s."""
 _SETTLE_S: Final = 20.0
+_LONGEST_STEP_S: Final = 0.5
+"""Of what wanders: a process that stood still does not catch up."""
 _ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 
 ATTITUDE, VELOCITY_HORIZ, VELOCITY_VERT, POS_HORIZ_REL, POS_HORIZ_ABS, POS_VERT_ABS, POS_VERT_AGL = (
@@ -139,7 +141,7 @@ class PositionEstimator:
         if stands:
             self._drift_at_rest()
         elif self._wander is not None and self.uses_gps and dt_s > 0.0:
-            off_m, before_m = self._wander.step(dt_s), self._wandered_m
+            off_m, before_m = self._wander.step(min(dt_s, _LONGEST_STEP_S)), self._wandered_m
             self._wandered_m = off_m
             if before_m is not None:  # where it began is where the frame is
                 self._shift((off_m[0] - before_m[0], off_m[1] - before_m[1], off_m[2] - before_m[2]))
