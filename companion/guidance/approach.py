@@ -143,15 +143,16 @@ class Approach:
         drives = mission.vehicle == "rover"
         # A level path that is nearly straight takes a source above it for one beside it, whatever was known before.
         share = 1.0 if aim is None or drives else max(1.0 - (1.0 - _SURE_WEAVE) * aim.sureness, _near_weave(aim))
-        share = self._way.weave if self._way is not None else share
+        way = self._way or Way(0.0, self._side, 0.0)
+        # Bounds promise more of straight and thin ways than poses that drift keep.
+        share = max(share, way.weave)
         across, up = self._weave(share, 0.0 if drives else mission.vertical_weave_m)
         forward = math.sqrt(max((0.5 * mission.speed_m_s) ** 2, mission.speed_m_s**2 - across**2 - up**2))
         if aim is None:
             ve, vn = search(self._searched_m, self._heading_rad, forward)
         else:
             self._begin_search_at(aim.azimuth_rad)
-            side, lead_rad = (self._side, None) if self._way is None else (self._way.side, self._way.lead_rad)
-            ve, vn = towards(aim, forward, self._circle_m(aim), side, lead_rad=lead_rad)
+            ve, vn = towards(aim, forward, self._circle_m(aim), way.side, lead_rad=way.lead_rad)
         speed = max(math.hypot(ve, vn), 1e-6)
         ve, vn = ve - across * vn / speed, vn + across * ve / speed
         if drives:

@@ -16,8 +16,8 @@ _HEIGHT_PER_S: Final = 0.5
 _FENCE_MARGIN_M: Final = 0.6
 _FENCE_PER_S: Final = 0.5
 _LEAD_RAD: Final = (math.radians(10.0), math.radians(28.0))
-"""How far beside the target the vehicle flies while its range is not known at all, from afar and from near: bearings
-from one line of flight do not cross. From near the way round costs little and turns the bearing fast."""
+"""So far beside the target the vehicle flies at least while its range is not known at all, from afar and from near:
+bearings from one line of flight do not cross. From near the way round costs little and turns the bearing fast."""
 _LEAD_M: Final = (7.0, 3.5)
 """What is afar and near here."""
 _VAGUE: Final = 0.5
@@ -41,17 +41,15 @@ class Aim:
     scatter: Scatter | None = None
 
 
-def towards(
-    aim: Aim, speed_m_s: float, circle_m: float, side: int, *, lead_rad: float | None = None
-) -> tuple[float, float]:
-    """East and North [m/s] towards the target, `lead_rad` beside it (without one by a rule, while its range is vague),
-    and around it on a circle of `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""
+def towards(aim: Aim, speed_m_s: float, circle_m: float, side: int, *, lead_rad: float = 0.0) -> tuple[float, float]:
+    """East and North [m/s] towards the target, `lead_rad` beside it, or more while its range is vague, and around it on
+    a circle of `circle_m` from near. `side` is +1 for a target kept to the right, -1 to the left."""
     inwards = max(-speed_m_s, min(speed_m_s, _RADIAL_PER_S * (aim.distance_m - circle_m)))
     known = math.isfinite(aim.distance_m)
     vague = min(1.0, aim.distance_std_m / max(aim.distance_m, 0.1) / _VAGUE) if known else 1.0
     nearness = (_LEAD_M[0] - aim.distance_m) / (_LEAD_M[0] - _LEAD_M[1]) if known else 0.0
-    by_rule_rad = vague * (_LEAD_RAD[0] + (_LEAD_RAD[1] - _LEAD_RAD[0]) * max(0.0, min(1.0, nearness)))
-    inwards = min(inwards, speed_m_s * math.cos(by_rule_rad if lead_rad is None else lead_rad))
+    least_rad = vague * (_LEAD_RAD[0] + (_LEAD_RAD[1] - _LEAD_RAD[0]) * max(0.0, min(1.0, nearness)))
+    inwards = min(inwards, speed_m_s * math.cos(max(lead_rad, least_rad)))
     around = side * math.sqrt(max(0.0, speed_m_s**2 - inwards**2))
     c, s = math.cos(aim.azimuth_rad), math.sin(aim.azimuth_rad)
     return inwards * c - around * s, inwards * s + around * c

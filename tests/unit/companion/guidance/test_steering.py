@@ -48,15 +48,11 @@ def test_the_vaguer_the_range_the_more_it_flies_beside_the_target_at_the_same_sp
     assert math.degrees(sides[-1]) == pytest.approx(28.0 if distance_m == 3.0 else 10.0, abs=0.1)
 
 
-def test_a_lead_that_is_chosen_takes_the_place_of_the_rule() -> None:
-    east, north = towards(
-        Aim(azimuth_rad=0.0, distance_m=20.0, distance_std_m=10.0, sureness=0.5),
-        0.5,
-        1.5,
-        1,
-        lead_rad=math.radians(45.0),
-    )
-    assert east == pytest.approx(north)
+@pytest.mark.parametrize(("chosen_deg", "flown_deg"), [(45.0, 45.0), (0.0, 10.0)])
+def test_a_lead_is_as_chosen_but_no_less_than_the_range_is_vague(chosen_deg: float, flown_deg: float) -> None:
+    aim = Aim(azimuth_rad=0.0, distance_m=20.0, distance_std_m=10.0, sureness=0.5)
+    east, north = towards(aim, 0.5, 1.5, 1, lead_rad=math.radians(chosen_deg))
+    assert math.degrees(math.atan2(north, east)) == pytest.approx(flown_deg)
 
 
 def test_a_search_begins_along_the_nose_and_turns_wider_and_wider() -> None:
