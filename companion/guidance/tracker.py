@@ -25,7 +25,7 @@ from companion.guidance.loudness import Loudness
 from companion.guidance.modes import normalised, systematic
 from companion.guidance.regimes import REGIMES, changed, drawn_elevation, of_bearing, of_power, prior_share
 from companion.guidance.target import Scatter, Target, of_places
-from companion.guidance.target_axes import AXES_STD_RAD, carried_m, drawn_axes, share_driven
+from companion.guidance.target_axes import AXES_STD_RAD, bend_rad, carried_m, drawn_axes, jumped_m
 from companion.guidance.twins import parted
 from companion.guidance.witnesses import Witnesses
 from companion.sensing.frame_turn import DRIFT, DRIFT_ALIKE_M
@@ -132,11 +132,12 @@ class TargetTracker:
             self._log_weight = normalised(drawn - np.log(density))
             self._weigh(bearing, ground_m, self._drift)
         else:
-            driven = share_driven(self._newest, bearing)
-            self._wander(self._newest, bearing)
-            self._turn(self._newest, bearing)
+            before = self._after_jump(self._newest, bearing)
+            bend = bend_rad(before, bearing)
+            self._wander(before, bearing)
+            self._turn(before, bearing)
             self._bear(bearing, ground_m)
-            self._weigh(bearing, ground_m, math.hypot(self._drift, AXES_STD_RAD * driven))
+            self._weigh(bearing, ground_m, math.hypot(self._drift, bend))
             self._listen(bearing)
         self._newest = bearing
         self._lines.add(_place(bearing), direction(bearing.azimuth_rad, bearing.polar_rad))
@@ -150,15 +151,28 @@ class TargetTracker:
 
     def shift(self, delta_enu_m: Vector3) -> None:
         """The autopilot's local frame was set anew: all places in it are `delta_enu_m` elsewhere."""
-        self._origins_m = self._origins_m + np.array(delta_enu_m)
+        self._shift_origins(np.array(delta_enu_m))
         if self._newest is not None:
             x, y, z = (p + d for p, d in zip(self._newest.p_local_enu_m, delta_enu_m, strict=True))
             self._newest = replace(self._newest, p_local_enu_m=(x, y, z))
             self._target = None
-        self._lines.shift(np.array(delta_enu_m))
-        self._loudness.shift(np.array(delta_enu_m))
+
+    def _shift_origins(self, delta_m: _Floats) -> None:
+        """All that is kept in places relative to the target's own motion is `delta_m` elsewhere."""
+        self._origins_m = self._origins_m + delta_m
+        self._lines.shift(delta_m)
+        self._loudness.shift(delta_m)
         if self._witnesses is not None:
-            self._witnesses.shift(np.array(delta_enu_m))
+            self._witnesses.shift(delta_m)
+
+    def _after_jump(self, before: Bearing, bearing: Bearing) -> Bearing:
+        """The bearing before as the target's poses of now would have it, after a jump of them."""
+        jump_m = jumped_m(before, bearing)
+        if not jump_m.any():
+            return before
+        self._shift_origins(-jump_m)
+        x, y, z = np.add(before.target_p_enu_m, jump_m).tolist()
+        return replace(before, target_p_enu_m=(x, y, z))
 
     def nearer_source(self) -> Vector3 | None:
         """Another source than the likeliest, as the origin of the target's frame, that was seen nearer to where the
@@ -168,7 +182,9 @@ class TargetTracker:
 
     def within(self, p_local_enu_m: Vector3, target_p_enu_m: Vector3, range_m: float) -> float:
         """Probability that the target, whose own poses say `target_p_enu_m`, is within a range of a place."""
-        apart_m = self._origins_m + (np.array(target_p_enu_m) - np.array(p_local_enu_m))
+        assert self._newest is not None
+        since_m = np.subtract(target_p_enu_m, self._newest.target_p_enu_m)
+        apart_m = self._origins_m + carried_m(self._axes_rad, since_m) + np.subtract(target_p_enu_m, p_local_enu_m)
         near = np.einsum("nx,nx->n", apart_m, apart_m) < range_m**2
         return float(np.exp(self._log_weight[near]).sum())
 

@@ -35,7 +35,7 @@ from wsr.geometry import angles
 MAX_TIME_S = 240.0
 _VIO_RATE_HZ = 50.0  # a pose a centimetre at 0.5 m/s; a T265 gives 200, whose errors have the same size
 _PING_RATE_HZ = PingConfig().rate_hz
-_DRAWN_STREAM: Final = 7
+_DRAWN_STREAM: Final = 8
 DRAWN_M: Final = (3.0, 35.0)
 """Distances are drawn from these, evenly: nearer there is nothing to look for."""
 

@@ -105,13 +105,13 @@ class Vehicle:
         self._mode = FlightMode.OFFBOARD
 
     async def hold(self) -> None:
-        self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.HOLD
+        self._hover_m, self._mode = self.airframe.estimated_p_enu_m, FlightMode.HOLD
 
     async def land(self) -> None:
-        self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.LAND
+        self._hover_m, self._mode = self.airframe.estimated_p_enu_m, FlightMode.LAND
 
     async def return_home(self) -> None:
-        self._hover_m, self._mode = self.airframe.p_enu_m, FlightMode.RETURN
+        self._hover_m, self._mode = self.airframe.estimated_p_enu_m, FlightMode.RETURN
 
     def send_odometry(self, pose: Pose, reset_counter: int) -> None: ...
 

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.guidance.target_axes import AXES_STD_RAD, carried_m, drawn_axes, share_driven
+from companion.guidance.target_axes import AXES_STD_RAD, bend_rad, carried_m, drawn_axes, jumped_m
+from companion.sensing.frame_turn import FrameTurn
+from companion.sensing.records import Bearing
 from tests.unit.companion.guidance.test_tracker import bearing_to
 
 
@@ -27,11 +29,31 @@ def test_axes_are_as_uncertain_as_north_is() -> None:
 
 @pytest.mark.parametrize(
     ("ours_m", "its_m", "share"),
-    [((1.0, 0.0), (0.0, 0.0), 0.0), ((0.0, 0.0), (0.0, 1.0), 1.0), ((1.0, 0.0), (0.5, 0.0), 1.0),
-     ((0.0, 3.0), (4.0, 0.0), 0.8), ((0.0, 0.0), (0.0, 0.0), 0.0)],
+    [((1.0, 0.0), (0.0, 0.0), 0.0), ((0.0, 0.0), (0.0, 1.0), 1.0), ((0.0, 0.0), (1.0, 0.0), 0.0),
+     ((3.0, 0.5), (0.0, 0.5), 0.5 / 3.0), ((0.0, 0.0), (0.0, 0.0), 0.0)],
 )  # fmt: skip
-def test_what_of_the_path_is_the_targets(ours_m: tuple[float, float], its_m: tuple[float, float], share: float) -> None:
-    """An aperture's path is ours less its own."""
+def test_only_what_a_target_drives_across_bends_a_bearing(
+    ours_m: tuple[float, float], its_m: tuple[float, float], share: float
+) -> None:
+    """It is seen in the east. An aperture's path is ours less its own."""
+    before, after = _seen_in_the_east(ours_m, its_m)
+    known = replace(after, turn=FrameTurn(0.0, 0.0))
+    assert bend_rad(before, known) == pytest.approx(AXES_STD_RAD * share)
+    turned = replace(after, turn=FrameTurn(0.2, 0.1))
+    assert bend_rad(before, turned) == pytest.approx(math.hypot(AXES_STD_RAD, 0.2, 0.1) * share)
+
+
+def test_a_way_that_nobody_drives_is_a_jump() -> None:
+    before, after = _seen_in_the_east((0.3, 0.0), (0.0, 8.0))
+    np.testing.assert_allclose(jumped_m(before, after), (0.0, 8.0, 0.0))
+    much_later = replace(after, t_mono_ns=10_000_000_000)
+    assert not jumped_m(before, much_later).any()
+
+
+def _seen_in_the_east(ours_m: tuple[float, float], its_m: tuple[float, float]) -> tuple[Bearing, Bearing]:
+    """A second apart."""
     before = bearing_to(np.array([9.0, 0.0, 0.5]), np.array([0.0, 0.0, 1.5]), 0.0)
-    after = replace(before, p_local_enu_m=(*ours_m, 1.5), target_p_enu_m=(*its_m, 0.0))
-    assert share_driven(before, after) == pytest.approx(share)
+    after = replace(
+        before, t_mono_ns=1_000_000_000, p_local_enu_m=(*ours_m, 1.5), target_p_enu_m=(*its_m, 0.0), azimuth_rad=0.0
+    )
+    return before, after

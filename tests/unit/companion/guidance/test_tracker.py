@@ -228,6 +228,30 @@ def test_what_a_driving_target_takes_for_north_is_not_believed(turned_deg: float
     assert all(each.direction_held for each in checks)
 
 
+@pytest.mark.parametrize("jump_m", [(8.0, 0.0, 0.0), (0.0, -8.0, 0.0), (0.0, 3.0, 0.0)])
+def test_a_target_whose_poses_jump_is_where_it_was(jump_m: tuple[float, float, float]) -> None:
+    """Its camera found itself elsewhere, while it drives."""
+    tracker, start_m = TargetTracker(antenna_height_m=0.5), np.array([10.0, 3.0, 0.5])
+    for step in range(30):
+        place = np.array([0.28 * step, 0.6 * math.sin(0.5 * step), 1.5])
+        truth_m = start_m + np.array([0.3, 0.0, 0.0]) * step
+        own_m = truth_m - start_m + (np.array(jump_m) if step > 20 else 0.0)
+        found = tracker.add(bearing_to(truth_m, place, float(step), own_m), 0.0)
+        x, y, z = own_m.tolist()
+        assert step < 18 or math.dist(found.place((x, y, z)), truth_m) < 3.0, step
+
+
+def test_arrival_allows_for_which_way_a_target_has_driven_since() -> None:
+    tracker, target = TargetTracker(antenna_height_m=0.5), np.array([3.0, 0.0, 0.5])
+    for step in range(25):
+        place = target + np.array([2.0 * math.cos(0.4 * step), 2.0 * math.sin(0.4 * step), 1.0])
+        tracker.add(bearing_to(target, place, float(step)), 0.0)
+    x, y, z = target.tolist()
+    here = tracker.within((x, y, z), (0.0, 0.0, 0.0), 0.8)
+    after_a_way = tracker.within((x + 6.0, y, z), (6.0, 0.0, 0.0), 0.8)
+    assert here > 0.9 > after_a_way > 0.2
+
+
 def test_a_bearing_without_polar_angle_still_crosses_from_the_side() -> None:
     tracker, target = TargetTracker(), np.array([6.0, 3.0, 0.5])
     for y in range(7):

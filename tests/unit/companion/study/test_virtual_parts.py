@@ -42,7 +42,10 @@ async def test_a_vehicle_follows_set_points_in_offboard_alone() -> None:
     for _ in range(400):
         vehicle.step()
     assert vehicle.airframe.p_enu_m[0] == pytest.approx(2.0, abs=0.5)
+    before_m = vehicle.airframe.p_enu_m
     await vehicle.hold()
+    vehicle.step()
+    assert math.dist(vehicle.airframe.p_enu_m, before_m) < 0.02, "a place of the estimate is held, not of the truth"
     assert (vehicle.state().mode, vehicle.state().t_mono_ns) == (FlightMode.HOLD, 5)
     assert await vehicle.parameter("GF_ACTION") == PARAMETERS["GF_ACTION"]
 
