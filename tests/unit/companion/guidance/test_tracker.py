@@ -384,6 +384,7 @@ def _as_narrow_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(regimes, "_PRIOR", np.array([1.0 - 2e-9, 1e-9, 1e-9]))
     monkeypatch.setattr(regimes, "_CHANGES", 0.0)
     monkeypatch.setattr(regimes, "_ELEVATION_RAD", np.full(3, 1e-3))
+    monkeypatch.setattr(tracker, "_WALK_M_SQRT_S", PRIOR.wander_m_sqrt_s)
     monkeypatch.setattr(tracker, "_PARTICLES", 8000)
     monkeypatch.setattr(tracker, "_AT_FIRST", 1)
     monkeypatch.setattr(twins, "ALONG", (0.0, 0.0))
