@@ -20,8 +20,9 @@ _Floats = npt.NDArray[np.float64]
 
 AXES_STD_RAD: Final = NORTH_STD_RAD
 """A target knows North no better than the vehicle before it has moved."""
-_LEAST_JUMP_M, _FASTEST_M_S = 0.5, 3.0
-"""Who is followed drives no faster: a longer step is not driven."""
+_LEAST_JUMP_M, _FASTEST_M_S = 0.5, 1.5
+"""Who is followed drives no faster: a longer step is not driven. Bearings before and after a jump are seconds apart,
+for no aperture spans one."""
 
 
 def drawn_axes(rng: np.random.Generator, count: int) -> _Floats:
